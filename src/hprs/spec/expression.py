@@ -1,0 +1,378 @@
+"""Expressions and predicates of the task language, as frozen data.
+
+An expression is a number, a name, a sign change, a binary operation or a call; a predicate is a
+comparison of two expressions, or a conjunction or disjunction of predicates. Both can be written in
+Python with the usual operators: `abs(x - 1.0) <= 0.25`, `(x >= 0) & (y >= 0)`.
+
+Nodes know the place in the text they came from (`position`); it does not count in comparisons.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Literal, TypeAlias
+
+from hprs.errors import Position, SpecValidationError
+
+MAX_DEPTH = 100
+"""Deepest nesting of an expression; it keeps every recursion over one shallow."""
+
+BinaryOperator: TypeAlias = Literal["+", "-", "*", "/", "**"]
+Relation: TypeAlias = Literal["<=", "<", ">=", ">"]
+
+BUILTIN_CONSTANTS: Mapping[str, float] = MappingProxyType(
+    {"pi": math.pi, "deg": math.pi / 180.0, "inf": math.inf}
+)
+"""Constants that every task knows; `inf` may stand only at the end of a range."""
+
+FUNCTIONS: Mapping[str, tuple[int, int | None]] = MappingProxyType(
+    {
+        "abs": (1, 1),
+        "min": (1, None),
+        "max": (1, None),
+        "sum": (1, None),
+        "mean": (1, None),
+        "norm": (1, None),
+        "clip": (3, 3),
+        "sqrt": (1, 1),
+        "exp": (1, 1),
+        "log": (1, 1),
+        "sin": (1, 1),
+        "cos": (1, 1),
+        "tan": (1, 1),
+        "atan2": (2, 2),
+        "hypot": (2, 2),
+        "sign": (1, 1),
+    }
+)
+"""Function names with their smallest and largest number of arguments."""
+
+REDUCTIONS = frozenset({"min", "max", "sum", "mean", "norm"})
+"""Functions that reduce one vector, or compare several scalars."""
+
+ExpressionLike: TypeAlias = "Operand | float"
+
+
+class Operand:
+    """What arithmetic and comparison operators accept; gives them their Python spelling."""
+
+    def expression(self) -> Expression:
+        """This operand as an expression."""
+        raise NotImplementedError
+
+    def __add__(self, other: ExpressionLike) -> Binary:
+        """Sum."""
+        return Binary("+", self.expression(), as_expression(other))
+
+    def __radd__(self, other: float) -> Binary:
+        """Sum with a number on the left."""
+        return Binary("+", as_expression(other), self.expression())
+
+    def __sub__(self, other: ExpressionLike) -> Binary:
+        """Difference."""
+        return Binary("-", self.expression(), as_expression(other))
+
+    def __rsub__(self, other: float) -> Binary:
+        """Difference with a number on the left."""
+        return Binary("-", as_expression(other), self.expression())
+
+    def __mul__(self, other: ExpressionLike) -> Binary:
+        """Product."""
+        return Binary("*", self.expression(), as_expression(other))
+
+    def __rmul__(self, other: float) -> Binary:
+        """Product with a number on the left."""
+        return Binary("*", as_expression(other), self.expression())
+
+    def __truediv__(self, other: ExpressionLike) -> Binary:
+        """Quotient."""
+        return Binary("/", self.expression(), as_expression(other))
+
+    def __rtruediv__(self, other: float) -> Binary:
+        """Quotient with a number on the left."""
+        return Binary("/", as_expression(other), self.expression())
+
+    def __pow__(self, other: ExpressionLike) -> Binary:
+        """Power."""
+        return Binary("**", self.expression(), as_expression(other))
+
+    def __neg__(self) -> Negate:
+        """Sign change."""
+        return Negate(self.expression())
+
+    def __abs__(self) -> Call:
+        """Absolute value."""
+        return Call("abs", (self.expression(),))
+
+    def __le__(self, other: ExpressionLike) -> Comparison:
+        """Predicate: at most."""
+        return Comparison(self.expression(), "<=", as_expression(other))
+
+    def __lt__(self, other: ExpressionLike) -> Comparison:
+        """Predicate: less than."""
+        return Comparison(self.expression(), "<", as_expression(other))
+
+    def __ge__(self, other: ExpressionLike) -> Comparison:
+        """Predicate: at least."""
+        return Comparison(self.expression(), ">=", as_expression(other))
+
+    def __gt__(self, other: ExpressionLike) -> Comparison:
+        """Predicate: more than."""
+        return Comparison(self.expression(), ">", as_expression(other))
+
+
+def _position_field() -> Position | None:
+    return field(default=None, compare=False, repr=False, kw_only=True)
+
+
+def _depth_field() -> int:
+    return field(init=False, compare=False, repr=False, default=1)
+
+
+def _set_depth(node: Expression | Predicate, *children: Expression | Predicate) -> None:
+    depth = 1 + max((child.depth for child in children), default=0)
+    if depth > MAX_DEPTH:
+        raise SpecValidationError(
+            f"this expression is nested deeper than {MAX_DEPTH} levels. "
+            "Give its parts names with `let`, or use sum(a, b, ...) for long sums.",
+            node.position,
+        )
+    object.__setattr__(node, "depth", depth)
+
+
+@dataclass(frozen=True)
+class Number(Operand):
+    """A number as written; never negative (`-2` is `Negate(Number(2))`) and always finite."""
+
+    value: float
+    position: Position | None = _position_field()
+    depth: int = _depth_field()
+
+    def __post_init__(self) -> None:
+        """Reject what the grammar could not have written."""
+        if not (math.isfinite(self.value) and math.copysign(1.0, self.value) > 0):
+            raise SpecValidationError(
+                f"a number must be finite and not negative, got {self.value}.", self.position
+            )
+
+    def expression(self) -> Expression:
+        """This number."""
+        return self
+
+
+@dataclass(frozen=True)
+class Name(Operand):
+    """A reference to a signal, a constant or a definition."""
+
+    name: str
+    position: Position | None = _position_field()
+    depth: int = _depth_field()
+
+    def expression(self) -> Expression:
+        """This name."""
+        return self
+
+
+@dataclass(frozen=True)
+class Negate(Operand):
+    """A sign change."""
+
+    operand: Expression
+    position: Position | None = _position_field()
+    depth: int = _depth_field()
+
+    def __post_init__(self) -> None:
+        """Bound the depth."""
+        _set_depth(self, self.operand)
+
+    def expression(self) -> Expression:
+        """This expression."""
+        return self
+
+
+@dataclass(frozen=True)
+class Binary(Operand):
+    """An arithmetic operation on two expressions."""
+
+    operator: BinaryOperator
+    left: Expression
+    right: Expression
+    position: Position | None = _position_field()
+    depth: int = _depth_field()
+
+    def __post_init__(self) -> None:
+        """Bound the depth."""
+        _set_depth(self, self.left, self.right)
+
+    def expression(self) -> Expression:
+        """This expression."""
+        return self
+
+
+@dataclass(frozen=True)
+class Call(Operand):
+    """A call of one of `FUNCTIONS`."""
+
+    function: str
+    arguments: tuple[Expression, ...]
+    position: Position | None = _position_field()
+    depth: int = _depth_field()
+
+    def __post_init__(self) -> None:
+        """Check name and number of arguments."""
+        if self.function not in FUNCTIONS:
+            raise SpecValidationError(
+                f"unknown function '{self.function}'. Functions are {', '.join(FUNCTIONS)}.",
+                self.position,
+            )
+        least, most = FUNCTIONS[self.function]
+        if not least <= len(self.arguments) <= (most or len(self.arguments)):
+            wanted = f"{least}" if most == least else f"at least {least}"
+            raise SpecValidationError(
+                f"{self.function}() takes {wanted} argument{'s' * (wanted != '1')}, "
+                f"got {len(self.arguments)}.",
+                self.position,
+            )
+        _set_depth(self, *self.arguments)
+
+    def expression(self) -> Expression:
+        """This expression."""
+        return self
+
+
+Expression: TypeAlias = Number | Name | Negate | Binary | Call
+
+
+class _Connectable:
+    """Gives predicates `&` and `|`, and refuses to be a Python truth value."""
+
+    def __and__(self, other: Predicate) -> And:
+        """Conjunction."""
+        return And((_predicate(self), other))
+
+    def __or__(self, other: Predicate) -> Or:
+        """Disjunction."""
+        return Or((_predicate(self), other))
+
+    def __bool__(self) -> bool:
+        """Teach: a chain `a <= x <= b` or `and` would drop one half."""
+        raise TypeError(
+            "A predicate has no truth value. Write (a <= x) & (x <= b) for a chain, & for and, | for or."
+        )
+
+
+def _predicate(value: _Connectable) -> Predicate:
+    assert isinstance(value, Comparison | And | Or)
+    return value
+
+
+@dataclass(frozen=True)
+class Comparison(_Connectable):
+    """A comparison; its margin is the two sides' difference, positive when satisfied."""
+
+    left: Expression
+    relation: Relation
+    right: Expression
+    position: Position | None = _position_field()
+    depth: int = _depth_field()
+
+    def __post_init__(self) -> None:
+        """Bound the depth."""
+        _set_depth(self, self.left, self.right)
+
+    @property
+    def strict(self) -> bool:
+        """Whether a margin of exactly 0 violates the comparison."""
+        return self.relation in ("<", ">")
+
+    @property
+    def margin(self) -> Binary:
+        """The expression f with `f >= 0` iff the comparison holds (strictness aside)."""
+        if self.relation in ("<=", "<"):
+            return Binary("-", self.right, self.left, position=self.position)
+        return Binary("-", self.left, self.right, position=self.position)
+
+
+@dataclass(frozen=True)
+class And(_Connectable):
+    """All parts hold; nested conjunctions are flattened."""
+
+    parts: tuple[Predicate, ...]
+    position: Position | None = _position_field()
+    depth: int = _depth_field()
+
+    def __post_init__(self) -> None:
+        """Flatten, and bound the depth."""
+        _flatten(self, And)
+
+
+@dataclass(frozen=True)
+class Or(_Connectable):
+    """At least one part holds; nested disjunctions are flattened."""
+
+    parts: tuple[Predicate, ...]
+    position: Position | None = _position_field()
+    depth: int = _depth_field()
+
+    def __post_init__(self) -> None:
+        """Flatten, and bound the depth."""
+        _flatten(self, Or)
+
+
+Predicate: TypeAlias = Comparison | And | Or
+
+
+def _flatten(node: And | Or, kind: type[And] | type[Or]) -> None:
+    parts: list[Predicate] = []
+    for part in node.parts:
+        parts.extend(part.parts if isinstance(part, kind) else (part,))
+    if len(parts) < 2:
+        raise SpecValidationError("and / or need at least two parts.", node.position)
+    object.__setattr__(node, "parts", tuple(parts))
+    _set_depth(node, *parts)
+
+
+def as_expression(value: ExpressionLike) -> Expression:
+    """A Python number as an expression; expressions and signals pass through.
+
+    Raises:
+        SpecValidationError: The value is NaN.
+        TypeError: The value is neither a number nor an operand.
+    """
+    if isinstance(value, Operand):
+        return value.expression()
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise TypeError(f"Expected a number or an expression, got {value!r}.")
+    number = float(value)
+    magnitude = Name("inf") if math.isinf(number) else Number(abs(number))
+    return Negate(magnitude) if math.copysign(1.0, number) < 0 else magnitude
+
+
+def call(function: str, *arguments: ExpressionLike) -> Call:
+    """A call of a function of the language, for tasks built in Python: `call("hypot", x, y)`."""
+    return Call(function, tuple(as_expression(argument) for argument in arguments))
+
+
+def comparisons(predicate: Predicate) -> tuple[Comparison, ...]:
+    """The comparisons of a predicate, from left to right."""
+    if isinstance(predicate, Comparison):
+        return (predicate,)
+    return tuple(leaf for part in predicate.parts for leaf in comparisons(part))
+
+
+def names(node: Expression | Predicate) -> frozenset[str]:
+    """The names that an expression or predicate refers to, builtin constants left out."""
+    match node:
+        case Number():
+            return frozenset()
+        case Name(name):
+            return frozenset() if name in BUILTIN_CONSTANTS else frozenset({name})
+        case Negate(operand):
+            return names(operand)
+        case Binary(_, left, right) | Comparison(left, _, right):
+            return names(left) | names(right)
+        case Call(_, parts) | And(parts) | Or(parts):
+            return frozenset().union(*map(names, parts))
