@@ -256,6 +256,22 @@ class Task:
             object.__setattr__(self, name, tuple(getattr(self, name)))
         assert self.analysis is not None and self.order is not None
 
+    def __hash__(self) -> int:
+        """Structural hash, computed once: tasks are keys of caches."""
+        return self._hash
+
+    @cached_property
+    def _hash(self) -> int:
+        return hash(
+            (
+                self.signals,
+                self.requirements,
+                self.constants,
+                self.definitions,
+                self.preferences,
+            )
+        )
+
     @cached_property
     def analysis(self) -> Analysis:
         """Shapes, ranges, bounds and warnings."""

@@ -1,0 +1,304 @@
+"""The policy assessment metric PAM, and S, S+T, S+T+C: how well episodes meet a task.
+
+PAM is 1 for safety, plus 1/2 for the target, plus 1/4 times the average comfort (the paper, section
+"Policy Assessment Metric"). Satisfaction looks at all states s_0 .. s_t; the comfort average at
+s_1 .. s_t. A tally gathers the same numbers step by step with constant memory.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import reduce
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hprs.errors import TraceError
+from hprs.semantics.evaluation import Signals, evaluate_arrays
+from hprs.semantics.plan import Plan, plan_of
+from hprs.spec.namespace import Array, namespace_of, select
+from hprs.spec.task import Task
+
+SAFE, ACCOMPLISHED, COMFORT_SHARE = 1.0, 1.5, 0.25
+"""PAM of a safe episode, of an accomplished one, and what full comfort adds."""
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """How well one episode meets a task; with a batch, every field is an array of its shape."""
+
+    pam: Any
+    """Policy assessment metric F in [0, 1.75]."""
+    safe: Any
+    """Whether every safety requirement holds in every state."""
+    target: Any
+    """Whether the target is met (true where there is none)."""
+    comfort: Any
+    """Mean over the comfort requirements of the fraction of steps they hold in (1 without any)."""
+    requirements: Mapping[str, Any]
+    """Label to satisfied or not; for comfort requirements the fraction of steps."""
+    length: Any
+    """Number of steps t."""
+    decided_at_start: Any
+    """Whether s_0 was already unsafe or had already achieved the target."""
+    outside: Mapping[str, Any] = field(default_factory=dict)
+    """Signal name to the number of states in which it left its range; only those that did."""
+
+    @property
+    def satisfied(self) -> Any:
+        """Whether the task is satisfied: safe, and on target."""
+        return self.safe & self.target
+
+
+class Tally(NamedTuple):
+    """What must be remembered of an episode to assess it; constant in its length."""
+
+    safe: Any
+    """Row a safety requirement: whether it held so far."""
+    target: Any
+    """Whether the target counts as met so far."""
+    counts: Any
+    """Row a comfort requirement: the number of states s_1 .. s_i it held in."""
+    steps: Any
+    """Number of steps i."""
+    decided_at_start: Any
+    """Whether s_0 decided the episode."""
+
+
+def start(plan: Plan, satisfied: Any) -> Tally:
+    """The tally at s_0.
+
+    Args:
+        plan: The task's plan.
+        satisfied: Rows of `Evaluation.satisfied` in s_0, a list (one state) or an array (a batch).
+    """
+    safe = satisfied[: plan.safety_count]
+    counts = satisfied[plan.comfort_start :]
+    achieves = plan.target_row is not None and plan.kinds[plan.target_row] == "achieve"
+    if isinstance(satisfied, list):
+        target = True if plan.target_row is None else satisfied[plan.target_row]
+        decided = not all(safe) or (achieves and target)
+        return Tally(safe, target, [0] * plan.comfort_count, 0, decided)
+    xp = namespace_of((satisfied,))
+    every = xp.ones_like(satisfied[0])
+    target = every if plan.target_row is None else satisfied[plan.target_row]
+    decided = ~_all(safe, every)
+    if achieves:
+        decided = decided | target
+    zeros = xp.astype(counts, xp.int32) * 0
+    return Tally(safe, target, zeros, xp.astype(every, xp.int32) * 0, decided)
+
+
+def advance(plan: Plan, tally: Tally, satisfied: Any) -> Tally:
+    """The tally one step later; the same forms as `start`."""
+    if isinstance(satisfied, list):
+        return _advance_one(plan, tally, satisfied)
+    target = tally.target
+    if plan.target_row is not None:
+        now = satisfied[plan.target_row]
+        target = target | now if plan.kinds[plan.target_row] == "achieve" else now
+    return Tally(
+        tally.safe & satisfied[: plan.safety_count],
+        target,
+        tally.counts + satisfied[plan.comfort_start :],
+        tally.steps + 1,
+        tally.decided_at_start,
+    )
+
+
+def _advance_one(plan: Plan, tally: Tally, satisfied: list[bool]) -> Tally:
+    safe, target, counts, steps, decided = tally
+    now = satisfied[: plan.safety_count]
+    if False in now:
+        safe = [before and holds for before, holds in zip(safe, now, strict=True)]
+    if plan.target_row is not None:
+        holds = satisfied[plan.target_row]
+        target = target or holds if plan.kinds[plan.target_row] == "achieve" else holds
+    counts = list(map(operator.add, counts, satisfied[plan.comfort_start :]))
+    return Tally(safe, target, counts, steps + 1, decided)
+
+
+def is_safe(tally: Tally) -> Any:
+    """Whether every safety requirement held so far."""
+    if isinstance(tally.safe, list):
+        return False not in tally.safe
+    return _all(tally.safe, tally.target | True)
+
+
+def achieved(plan: Plan, tally: Tally) -> Any:
+    """Whether an `achieve` target is met, which ends an episode; false for any other target."""
+    if plan.target_row is not None and plan.kinds[plan.target_row] == "achieve":
+        return tally.target
+    return False if isinstance(tally.target, bool) else tally.target & False
+
+
+def conclude(
+    plan: Plan,
+    tally: Tally,
+    *,
+    max_length: int | None = None,
+    outside: Mapping[str, Any] | None = None,
+) -> Assessment:
+    """The assessment of an episode that a tally has followed.
+
+    Args:
+        plan: The task's plan.
+        tally: The tally after the last step.
+        max_length: Pad comfort with violations up to this many steps, as the paper's released code
+            does; None averages over the episode's own steps, as the paper defines.
+        outside: Signal name to the number of states outside its range.
+
+    Raises:
+        ValueError: The episode is longer than `max_length`.
+    """
+    steps = tally.steps
+    if max_length is not None and np.any(np.asarray(steps) > max_length):
+        raise ValueError(f"an episode has {np.max(steps)} steps, more than max_length={max_length}.")
+    divisor = steps if max_length is None else max_length
+    fractions = [count / divisor for count in tally.counts]
+    safe = is_safe(tally)
+    comfort = sum(fractions[1:], start=fractions[0]) / len(fractions) if fractions else safe * 0.0 + 1.0
+    pam = safe * 1.0 + tally.target * 0.5 + comfort * COMFORT_SHARE
+    rows = [*tally.safe, *([] if plan.target_row is None else [tally.target]), *fractions]
+    return Assessment(
+        pam=pam,
+        safe=safe,
+        target=tally.target,
+        comfort=comfort,
+        requirements=plan.by_label(rows),
+        length=steps,
+        decided_at_start=tally.decided_at_start,
+        outside=outside or {},
+    )
+
+
+def assess(task: Task, trace: Signals, *, max_length: int | None = None) -> Assessment:
+    """Assess a whole trace, or a batch of traces of the same length.
+
+    Args:
+        task: The task.
+        trace: Signal name to values over time, s_0 first, time on the first axis; batch axes follow.
+        max_length: See `conclude`.
+
+    Raises:
+        TraceError: A signal is missing or NaN, lengths differ, or there is not one step.
+    """
+    plan = plan_of(task)
+    values = _check_trace(plan, trace)
+    xp = namespace_of(values.values())
+    satisfied = evaluate_arrays(plan, values, xp).satisfied
+    safe = xp.all(satisfied[: plan.safety_count], axis=1)
+    counts = xp.sum(xp.astype(satisfied[plan.comfort_start :, 1:], xp.int32), axis=1)
+    first = start(plan, satisfied[:, 0])
+    target = first.target
+    if plan.target_row is not None:
+        row = satisfied[plan.target_row]
+        target = xp.any(row, axis=0) if plan.kinds[plan.target_row] == "achieve" else row[-1]
+    steps = first.steps + (satisfied.shape[1] - 1)
+    tally = Tally(safe, target, counts, steps, first.decided_at_start)
+    outside = _count_outside(task, values)
+    return _plain(conclude(plan, tally, max_length=max_length, outside=outside))
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Several episodes' assessments brought to the paper's three columns, and PAM."""
+
+    safe: float
+    """S: fraction of episodes that are safe (PAM >= 1)."""
+    safe_target: float
+    """S+T: fraction that is safe and on target (PAM >= 1.5)."""
+    safe_target_comfort: float
+    """S+T+C: mean of [PAM >= 1.5] * (PAM - 1.5) / 0.25."""
+    pam: float
+    """Mean PAM."""
+    requirements: Mapping[str, float]
+    """Label to the mean over episodes."""
+    episodes: int
+    """How many episodes."""
+
+
+def summarise(assessments: Sequence[Assessment]) -> Summary:
+    """Summarise single episodes' assessments.
+
+    Raises:
+        ValueError: There are none.
+    """
+    if not assessments:
+        raise ValueError("there is no episode to summarise.")
+    pam = np.array([float(a.pam) for a in assessments])
+    return Summary(
+        safe=float(np.mean(pam >= SAFE)),
+        safe_target=float(np.mean(pam >= ACCOMPLISHED)),
+        safe_target_comfort=float(np.mean(accomplished_comfort(pam))),
+        pam=float(np.mean(pam)),
+        requirements={
+            label: float(np.mean([float(a.requirements[label]) for a in assessments]))
+            for label in assessments[0].requirements
+        },
+        episodes=len(assessments),
+    )
+
+
+def accomplished_comfort(pam: Array) -> Array:
+    """Comfort of accomplished episodes, 0 for all others: [PAM >= 1.5] * (PAM - 1.5) / 0.25."""
+    return select(pam >= ACCOMPLISHED, (pam - ACCOMPLISHED) / COMFORT_SHARE, pam * 0.0)
+
+
+def _all(rows: Any, every: Any) -> Any:
+    return reduce(operator.and_, rows, every)
+
+
+def _check_trace(plan: Plan, trace: Signals) -> dict[str, Array]:
+    for name in plan.signals:
+        if name not in trace:
+            raise TraceError(f"the trace has no signal '{name}'; it has {', '.join(trace)}.")
+    listed = {name: trace[name] for name in plan.signals}
+    xp = namespace_of(listed.values())
+    values = {
+        name: np.asarray(value, dtype=float) if isinstance(value, list | tuple) else value
+        for name, value in listed.items()
+    }
+    lengths = {name: value.shape[0] if value.shape else 0 for name, value in values.items()}
+    if len(set(lengths.values())) > 1:
+        raise TraceError(f"the signals of the trace differ in length: {lengths}.")
+    if min(lengths.values(), default=0) < 2:
+        raise TraceError("the trace needs the initial state and at least one step.")
+    for name, value in values.items():
+        unknown = xp.isnan(value * 1.0)
+        if xp.any(unknown):
+            step = int(np.argwhere(np.asarray(unknown))[0][0])
+            raise TraceError(f"signal '{name}' is NaN at step {step} of the trace.")
+    return values
+
+
+def _count_outside(task: Task, values: Mapping[str, Array]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for signal in task.signals:
+        if signal.name in values:
+            bounds, value = task.ranges[signal.name], values[signal.name]
+            left = (value < bounds.low) | (value > bounds.high)
+            if signal.length is not None:
+                left = namespace_of((left,)).any(left, axis=-1)
+            count = left.sum(0)
+            if count.any():
+                found[signal.name] = count
+    return found
+
+
+def _plain(assessment: Assessment) -> Assessment:
+    """Scalars instead of arrays of no dimension."""
+
+    def scalar(value: Any) -> Any:
+        return value.item() if getattr(value, "ndim", None) == 0 else value
+
+    return Assessment(
+        **{
+            name: {key: scalar(item) for key, item in value.items()}
+            if isinstance(value, Mapping)
+            else scalar(value)
+            for name, value in vars(assessment).items()
+        }
+    )

@@ -1,0 +1,217 @@
+"""Margins, satisfaction, scores and the hierarchical potential of states.
+
+One state is a mapping from signal names to floats, a batch is the same with arrays of any batch
+shape; NumPy, JAX (under `jit`, `vmap`, `scan`) and PyTorch give the same numbers.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from types import ModuleType
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from hprs.errors import SignalError, did_you_mean
+from hprs.semantics.plan import Group, Plan, plan_of
+from hprs.spec.namespace import (
+    Array,
+    array_operations,
+    as_floating,
+    float_operations,
+    namespace_of,
+)
+from hprs.spec.task import Task
+
+Signals: TypeAlias = Mapping[str, Array]
+"""Signal name to value; scalars have the batch shape, vectors one more axis at the end."""
+
+
+class Evaluation(NamedTuple):
+    """What a task says of a state, or of a batch of states.
+
+    The first three have one row a requirement on their first axis, in the order of `Plan.rows`; for
+    a single state of floats they are lists.
+    """
+
+    margins: Any
+    """Signed distance to the threshold; min and max through `and` and `or` (robustness)."""
+    satisfied: Any
+    """Whether the predicate holds; strictness counts at a margin of exactly 0."""
+    scores: Any
+    """Score r in [0, 1]: binary for safety, continuous otherwise (the paper, "Hierarchical
+    Potential-based Reward Shaping")."""
+    potential: Any
+    """Hierarchical potential Psi (the paper, equation `hrs_pot`), in [0, number of requirements]."""
+
+
+class EvaluatedSignals(dict[str, Array]):
+    """Signals that carry their evaluation, so that one step evaluates a task once."""
+
+    __slots__ = ("evaluation", "task")
+
+    def __init__(self, signals: Signals, task: Task, evaluation: Evaluation) -> None:
+        super().__init__(signals)
+        self.task = task
+        self.evaluation = evaluation
+
+
+def evaluate(task: Task, signals: Signals) -> Evaluation:
+    """Evaluate a task in one state or in a batch of states.
+
+    Args:
+        task: The task.
+        signals: Name to value. All values floats: one state. Arrays: a batch of any shape.
+
+    Raises:
+        SignalError: A signal that the task uses is missing.
+    """
+    if isinstance(signals, EvaluatedSignals) and signals.task is task:
+        return signals.evaluation
+    plan = plan_of(task)
+    values = _pick(plan, signals)
+    if all(isinstance(value, int | float) for value in values.values()):
+        return evaluate_floats(plan, {name: float(value) for name, value in values.items()})
+    return evaluate_arrays(plan, values, namespace_of(values.values()))
+
+
+def potential(task: Task, signals: Signals) -> Array:
+    """The hierarchical potential Psi of a state or a batch of states."""
+    return evaluate(task, signals).potential
+
+
+def margins(task: Task, signals: Signals) -> dict[str, Array]:
+    """Label to margin, of a state or a batch of states."""
+    return plan_of(task).by_label(evaluate(task, signals).margins)
+
+
+def scores(task: Task, signals: Signals) -> dict[str, Array]:
+    """Label to score r in [0, 1], of a state or a batch of states."""
+    return plan_of(task).by_label(evaluate(task, signals).scores)
+
+
+def evaluate_floats(plan: Plan, signals: Signals) -> Evaluation:
+    """Evaluate one state of Python floats (vector signals: NumPy arrays); the fast path."""
+    leaves = plan.float_margins(signals)
+    leaf_satisfied = [
+        f > 0.0 or (f == 0.0 and not strict) for f, strict in zip(leaves, plan.strict, strict=True)
+    ]
+    leaf_scores = [
+        1.0 if f >= 0.0 else _score(f, low) for f, low in zip(leaves, plan.lows, strict=True)
+    ]
+    if plan.compound:
+        operations = float_operations()
+        minimum, maximum = operations["min"], operations["max"]
+        leaves = plan.combine(leaves, minimum, maximum)
+        leaf_satisfied = plan.combine(leaf_satisfied, operator.and_, operator.or_)
+        leaf_scores = plan.combine(leaf_scores, minimum, maximum)
+    for row in range(plan.safety_count):
+        leaf_scores[row] = 1.0 if leaf_satisfied[row] else 0.0
+    return Evaluation(leaves, leaf_satisfied, leaf_scores, _potential(plan.groups, leaf_scores))
+
+
+def evaluate_arrays(plan: Plan, signals: Signals, xp: ModuleType) -> Evaluation:
+    """Evaluate a batch of states in one array namespace."""
+    values = {name: as_floating(value, xp) for name, value in signals.items()}
+    shape = _batch_shape(plan, values)
+    like = next(iter(values.values()), None)
+    raw = plan.array_margins(xp)(values)
+    leaves = xp.stack([_broadcast(leaf, shape, like, xp) for leaf in raw]) if raw else None
+    if leaves is None:
+        return _empty(shape, xp)
+    satisfied = _satisfied(plan, leaves, xp)
+    first = plan.safety_leaves
+    lows = _column(plan.lows[first:], leaves, xp)
+    operations = array_operations(xp)
+    scores = operations["max"](1.0 - operations["min"](leaves[first:], 0.0) / lows, 0.0)
+    if plan.compound:
+        leaf_scores = [*leaves[:first], *scores]
+        rows = plan.combine(leaf_scores, xp.minimum, xp.maximum)[plan.safety_count :]
+        scores = xp.stack(rows) if rows else scores
+        leaves = xp.stack(plan.combine(list(leaves), xp.minimum, xp.maximum))
+        satisfied = xp.stack(plan.combine(list(satisfied), operator.and_, operator.or_))
+    if plan.safety_count:
+        binary = xp.astype(satisfied[: plan.safety_count], leaves.dtype)
+        scores = xp.concat([binary, scores])
+    return Evaluation(leaves, satisfied, scores, _potential(plan.groups, scores))
+
+
+def _score(margin: float, low: float) -> float:
+    score = 1.0 - margin / low
+    return score if score > 0.0 or score != score else 0.0
+
+
+def _potential(groups: Sequence[Group], scores: Any) -> Array:
+    total: Array = None
+    for group in groups:
+        members = iter(group.members)
+        subtotal = scores[next(members)]
+        for row in members:
+            subtotal = subtotal + scores[row]
+        for row in group.above:
+            subtotal = subtotal * scores[row]
+        total = subtotal if total is None else total + subtotal
+    return 0.0 if total is None else total
+
+
+def _pick(plan: Plan, signals: Signals) -> dict[str, Array]:
+    try:
+        return {name: signals[name] for name in plan.signals}
+    except KeyError as error:
+        missing = next(name for name in plan.signals if name not in signals)
+        raise SignalError(
+            f"signal '{missing}' is missing.{did_you_mean(missing, signals)} "
+            f"The task reads {', '.join(plan.signals)}."
+        ) from error
+
+
+def _batch_shape(plan: Plan, values: Signals) -> tuple[int, ...]:
+    vectors = {signal.name for signal in plan.task.signals if signal.length is not None}
+    shapes = {
+        tuple(value.shape[:-1] if name in vectors else value.shape)
+        for name, value in values.items()
+    }
+    return np.broadcast_shapes(*shapes)
+
+
+def _broadcast(leaf: Array, shape: tuple[int, ...], like: Array, xp: ModuleType) -> Array:
+    if getattr(leaf, "shape", None) == shape:
+        return leaf
+    if isinstance(leaf, float) and like is not None:
+        leaf = xp.full_like(like.reshape(-1)[0], leaf)
+    return xp.broadcast_to(xp.asarray(leaf), shape)
+
+
+def _satisfied(plan: Plan, leaves: Array, xp: ModuleType) -> Array:
+    if not any(plan.strict):
+        return leaves >= 0.0
+    if all(plan.strict):
+        return leaves > 0.0
+    strict = _column(plan.strict, leaves, xp)
+    return xp.where(strict > 0, leaves > 0.0, leaves >= 0.0)
+
+
+def _column(values: Sequence[float], leaves: Array, xp: ModuleType) -> Array:
+    """Constants of the rows as a column that broadcasts over the batch axes."""
+    if xp is np:
+        return _numpy_column(tuple(values), leaves.dtype, leaves.ndim)
+    column = xp.asarray([float(value) for value in values], dtype=leaves.dtype)
+    if hasattr(leaves, "device") and getattr(column, "device", None) != leaves.device:
+        from array_api_compat import device, to_device
+
+        column = to_device(column, device(leaves))
+    return xp.reshape(column, (-1,) + (1,) * (leaves.ndim - 1))
+
+
+@lru_cache(maxsize=1024)
+def _numpy_column(values: tuple[float, ...], dtype: Any, ndim: int) -> Array:
+    column = np.asarray(values, dtype=dtype).reshape((-1,) + (1,) * (ndim - 1))
+    column.flags.writeable = False
+    return column
+
+
+def _empty(shape: tuple[int, ...], xp: ModuleType) -> Evaluation:
+    rows = xp.zeros((0, *shape))
+    return Evaluation(rows, rows > 0.0, rows, xp.zeros(shape))

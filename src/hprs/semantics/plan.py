@@ -1,0 +1,125 @@
+"""What evaluating a task needs, derived once: requirements as rows, in the order of their classes.
+
+All arrays of the semantics have the requirements on their first axis: safety rows first, then the
+target, then comfort; inside a class the order of the text. The batch axes follow.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache, reduce
+from types import ModuleType
+from typing import Any, TypeVar
+
+from hprs.spec.compiler import Margins, compile_margins, used_signals
+from hprs.spec.expression import And, Comparison, Predicate, comparisons
+from hprs.spec.task import Kind, Requirement, Task
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Group:
+    """Rows that share one weight: the product of the scores of the rows `above` them."""
+
+    above: tuple[int, ...]
+    members: tuple[int, ...]
+
+
+class Plan:
+    """The rows of a task and everything constant about them.
+
+    Args:
+        task: The task to evaluate.
+    """
+
+    def __init__(self, task: Task) -> None:
+        self.task = task
+        by_class = {"safety": 0, "target": 1, "comfort": 2}
+        self.rows: tuple[Requirement, ...] = tuple(
+            sorted(task.requirements, key=lambda r: by_class[r.requirement_class])
+        )
+        self.labels: tuple[str, ...] = tuple(row.label for row in self.rows)
+        self.kinds: tuple[Kind, ...] = tuple(row.kind for row in self.rows)
+        self.safety_count = sum(row.requirement_class == "safety" for row in self.rows)
+        self.target_row = (
+            self.safety_count
+            if any(row.requirement_class == "target" for row in self.rows)
+            else None
+        )
+        self.comfort_start = self.safety_count + (self.target_row is not None)
+        self.comfort_count = len(self.rows) - self.comfort_start
+        self.signals = used_signals(task)
+        """Names of the signals that matter."""
+        self.leaves: tuple[Comparison, ...] = tuple(
+            leaf for row in self.rows for leaf in comparisons(row.predicate)
+        )
+        self.strict: tuple[bool, ...] = tuple(leaf.strict for leaf in self.leaves)
+        self.lows: tuple[float, ...] = tuple(
+            # A comparison that always holds has score 1, whatever its margin: l is then -inf.
+            low if low < 0.0 else -math.inf
+            for row in self.rows
+            for low in task.analysis.lows[row.label]
+        )
+        self.safety_leaves = sum(
+            len(comparisons(row.predicate)) for row in self.rows[: self.safety_count]
+        )
+        self.compound = len(self.leaves) > len(self.rows)
+        self.groups = _groups(task, self.rows)
+
+    @cached_property
+    def float_margins(self) -> Margins:
+        """Margins of the leaves over Python floats."""
+        return compile_margins(self.task, self.leaves, None)
+
+    def array_margins(self, xp: ModuleType) -> Margins:
+        """Margins of the leaves over arrays of a namespace."""
+        return _array_margins(self.task, xp)
+
+    def combine(
+        self, leaves: Sequence[T], conjunction: Callable[[T, T], T], disjunction: Callable[[T, T], T]
+    ) -> list[T]:
+        """One value a row from one value a leaf, through `and` and `or`."""
+        following = iter(leaves)
+        return [_fold(row.predicate, following, conjunction, disjunction) for row in self.rows]
+
+    def by_label(self, rows: Sequence[T]) -> dict[str, T]:
+        """Rows as a mapping from label to value, in the order of the text."""
+        if self.labels == self.task.labels:
+            return dict(zip(self.labels, rows, strict=True))
+        found = dict(zip(self.labels, rows, strict=True))
+        return {label: found[label] for label in self.task.labels}
+
+
+@lru_cache(maxsize=256)
+def plan_of(task: Task) -> Plan:
+    """The plan of a task; made once a task."""
+    return Plan(task)
+
+
+@lru_cache(maxsize=256)
+def _array_margins(task: Task, xp: ModuleType) -> Margins:
+    return compile_margins(task, plan_of(task).leaves, xp)
+
+
+def _fold(
+    predicate: Predicate,
+    leaves: Iterator[T],
+    conjunction: Callable[[T, T], T],
+    disjunction: Callable[[T, T], T],
+) -> T:
+    if isinstance(predicate, Comparison):
+        return next(leaves)
+    parts: list[Any] = [_fold(part, leaves, conjunction, disjunction) for part in predicate.parts]
+    return reduce(conjunction if isinstance(predicate, And) else disjunction, parts)
+
+
+def _groups(task: Task, rows: Sequence[Requirement]) -> tuple[Group, ...]:
+    number: Mapping[str, int] = {row.label: index for index, row in enumerate(rows)}
+    members: dict[tuple[int, ...], list[int]] = {}
+    for row in rows:
+        above = tuple(sorted(number[label] for label in task.order.above[row.label]))
+        members.setdefault(above, []).append(number[row.label])
+    return tuple(Group(above, tuple(rows)) for above, rows in members.items())

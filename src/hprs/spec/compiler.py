@@ -1,0 +1,235 @@
+"""Compiles a task's comparisons to margin functions, by closures over one table of operations.
+
+The same compiler serves Python floats and arrays of every namespace; only the operations differ.
+Nothing is generated as source text, and nothing of a task is ever executed.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable, Mapping, MutableMapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache, reduce
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from hprs.spec.analysis import Inferred, infer
+from hprs.spec.expression import (
+    REDUCTIONS,
+    Binary,
+    BinaryOperator,
+    Call,
+    Comparison,
+    Expression,
+    Name,
+    Negate,
+    Number,
+)
+from hprs.spec.namespace import Array, Operations, array_operations, float_operations
+from hprs.spec.task import Task
+
+Values = MutableMapping[str, Array]
+Function = Callable[[Values], Array]
+
+
+@dataclass(frozen=True)
+class _Compiled:
+    """A compiled expression: a function of the signals, or a constant; vectors have a length."""
+
+    function: Function | None
+    constant: float
+    length: int | None
+
+
+class _Compiler:
+    def __init__(
+        self, known: Mapping[str, Inferred], xp: ModuleType | None
+    ) -> None:
+        self._known = known
+        self._floats = xp is None
+        self._scalar: Operations = float_operations() if xp is None else array_operations(xp)
+        self._vector: Operations = array_operations(np if xp is None else xp)
+
+    def compile(self, node: Expression) -> _Compiled:
+        inferred = infer(node, self._known)
+        if inferred.constant:
+            return _Compiled(None, inferred.range.low, None)
+        match node:
+            case Name(name):
+                return _Compiled(operator.itemgetter(name), 0.0, inferred.length)
+            case Negate(operand):
+                inner = _function(self.compile(operand))
+                return _Compiled(lambda v: -inner(v), 0.0, inferred.length)
+            case Binary(symbol, left, right):
+                function = self._binary(symbol, self.compile(left), self.compile(right), inferred)
+                return _Compiled(function, 0.0, inferred.length)
+            case Call(name, arguments):
+                parts = [self.compile(argument) for argument in arguments]
+                return _Compiled(self._call(name, parts, inferred), 0.0, inferred.length)
+            case Number():  # pragma: no cover - numbers are constant
+                raise AssertionError(node)
+
+    def _binary(
+        self, symbol: BinaryOperator, left: _Compiled, right: _Compiled, result: Inferred
+    ) -> Function:
+        f, g = self._aligned(left, result), self._aligned(right, result)
+        a, b = left.constant, right.constant
+        if symbol in ("/", "**"):
+            operation = self._operations(result)[symbol]
+            if f is None:
+                return lambda v: operation(a, _call(g, v))
+            if g is None:
+                exponent = int(b) if symbol == "**" and b.is_integer() and abs(b) < 64 else b
+                return lambda v: operation(f(v), exponent)
+            return lambda v: operation(f(v), g(v))
+        return _arithmetic(symbol, f, a, g, b)
+
+    def _call(self, name: str, parts: Sequence[_Compiled], result: Inferred) -> Function:
+        if len(parts) == 1:
+            inner = _function(parts[0])
+            if name in REDUCTIONS and parts[0].length is None:
+                return self._call("abs", parts, result) if name == "norm" else inner
+            if name in REDUCTIONS:
+                operation = self._vector[f"reduce {name}"]
+            else:
+                operation = self._operations(result)[name]
+            return lambda v: operation(inner(v))
+        if name in ("sum", "mean"):
+            return self._sum(parts, 1.0 if name == "sum" else 1.0 / len(parts), result)
+        if name == "norm":
+            squares = [self._power_of_two(part, result) for part in parts]
+            total, root = self._sum(squares, 1.0, result), self._scalar["sqrt"]
+            return lambda v: root(total(v))
+        return self._several(self._operations(result)[name], parts, result)
+
+    def _several(
+        self, operation: Callable[..., Array], parts: Sequence[_Compiled], result: Inferred
+    ) -> Function:
+        if any(part.function is None for part in parts[:1]) and operation in (
+            self._scalar["min"],
+            self._scalar["max"],
+        ):
+            # Arrays first: a running extremum that starts with two numbers has no namespace.
+            parts = sorted(parts, key=lambda part: part.function is None)
+        functions = [self._aligned(part, result) for part in parts]
+        constants = [part.constant for part in parts]
+        pairs = list(zip(functions, constants, strict=True))
+        return lambda v: operation(*[c if f is None else f(v) for f, c in pairs])
+
+    def _sum(self, parts: Sequence[_Compiled], factor: float, result: Inferred) -> Function:
+        functions = [f for f in (self._aligned(part, result) for part in parts) if f is not None]
+        offset = sum(part.constant for part in parts if part.function is None)
+        total: Function = lambda v: reduce(operator.add, [f(v) for f in functions])  # noqa: E731
+        if factor == 1.0 and offset == 0.0:
+            return total
+        return lambda v: (total(v) + offset) * factor
+
+    def _power_of_two(self, part: _Compiled, result: Inferred) -> _Compiled:
+        function = self._aligned(part, result)
+        if function is None:
+            return _Compiled(None, part.constant**2, None)
+        return _Compiled(lambda v: (x := function(v)) * x, 0.0, part.length)
+
+    def _operations(self, result: Inferred) -> Operations:
+        return self._scalar if result.length is None else self._vector
+
+    def _aligned(self, part: _Compiled, result: Inferred) -> Function | None:
+        """The part's function; a batch of scalars gets a last axis where it meets vectors."""
+        function = part.function
+        if function is None or self._floats or part.length == result.length:
+            return function
+        return lambda v: function(v)[..., None]
+
+
+def _function(part: _Compiled) -> Function:
+    assert part.function is not None
+    return part.function
+
+
+def _call(function: Function | None, values: Values) -> Array:
+    assert function is not None
+    return function(values)
+
+
+def _arithmetic(
+    symbol: BinaryOperator, f: Function | None, a: float, g: Function | None, b: float
+) -> Function:
+    if f is None:
+        assert g is not None
+        return {
+            "+": lambda v: a + g(v),
+            "-": lambda v: a - g(v),
+            "*": lambda v: a * g(v),
+        }[symbol]
+    if g is None:
+        return {
+            "+": lambda v: f(v) + b,
+            "-": lambda v: f(v) - b,
+            "*": lambda v: f(v) * b,
+        }[symbol]
+    return {
+        "+": lambda v: f(v) + g(v),
+        "-": lambda v: f(v) - g(v),
+        "*": lambda v: f(v) * g(v),
+    }[symbol]
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Margin functions of some comparisons over one kind of numbers.
+
+    A comparison without signals has the constant margin in `constants` and no function.
+    """
+
+    definitions: tuple[tuple[str, Function], ...]
+    functions: tuple[Function | None, ...]
+    constants: tuple[float, ...]
+
+    def __call__(self, signals: Mapping[str, Array]) -> list[Any]:
+        """The margins of the comparisons, in their order, over one state or a batch."""
+        values: Values = dict(signals) if self.definitions else signals  # type: ignore[assignment]
+        for name, function in self.definitions:
+            values[name] = function(values)
+        return [
+            constant if function is None else function(values)
+            for function, constant in zip(self.functions, self.constants, strict=True)
+        ]
+
+
+def compile_margins(
+    task: Task, comparisons: Sequence[Comparison], xp: ModuleType | None
+) -> Margins:
+    """Compile margin functions of a task's comparisons.
+
+    Args:
+        task: The task whose names the comparisons use.
+        comparisons: What to compile, in the order wanted.
+        xp: The array namespace; None for Python floats (vectors are then NumPy arrays).
+    """
+    known = task.analysis.known
+    compiler = _Compiler(known, xp)
+    definitions = tuple(
+        (d.name, part.function)
+        for d in task.definitions
+        if (part := compiler.compile(d.value)).function is not None
+    )
+    parts = [compiler.compile(comparison.margin) for comparison in comparisons]
+    return Margins(
+        tuple((name, function) for name, function in definitions if function is not None),
+        tuple(part.function for part in parts),
+        tuple(part.constant for part in parts),
+    )
+
+
+@lru_cache(maxsize=256)
+def used_signals(task: Task) -> tuple[str, ...]:
+    """The signals that some requirement or definition of a task refers to, in the text's order."""
+    from hprs.spec.expression import names
+
+    used = frozenset[str]().union(
+        *(names(r.predicate) for r in task.requirements),
+        *(names(d.value) for d in task.definitions),
+    )
+    return tuple(signal.name for signal in task.signals if signal.name in used)
