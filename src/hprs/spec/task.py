@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from hprs.errors import Position, SpecValidationError
 from hprs.spec.expression import (
@@ -302,6 +302,22 @@ class Task:
         return {
             label: (bound.low, bound.high) for label, bound in self.analysis.bounds.items()
         }
+
+    def margins(self, signals: Mapping[str, Any]) -> dict[str, Any]:
+        """Label to margin f in a state or a batch of states; positive where satisfied.
+
+        Args:
+            signals: Name to float, or to NumPy, JAX or PyTorch arrays of any batch shape.
+        """
+        from hprs.semantics.evaluation import margins
+
+        return margins(self, signals)
+
+    def potential(self, signals: Mapping[str, Any]) -> Any:
+        """The hierarchical potential Psi of a state or a batch of states; see `margins`."""
+        from hprs.semantics.evaluation import potential
+
+        return potential(self, signals)
 
     @property
     def ranges(self) -> Mapping[str, Interval]:

@@ -1,0 +1,46 @@
+"""Rewards by name: the one place that knows which exist."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+from hprs.errors import UsageError, did_you_mean
+from hprs.rewards.base import Reward
+from hprs.rewards.environment import EnvironmentReward
+from hprs.rewards.hierarchical import End, Hierarchical
+from hprs.rewards.sparse import Sparse
+from hprs.spec.task import Task
+
+Factory = Callable[[Task, End, float | None], Reward]
+
+REWARDS: Mapping[str, Factory] = MappingProxyType(
+    {
+        "hprs": Hierarchical,
+        "sparse": lambda task, end, discount: Sparse(task),
+        "env": lambda task, end, discount: EnvironmentReward(task),
+    }
+)
+"""Name to a function of task, end-of-episode convention and discount."""
+
+
+def make_reward(
+    name: str, task: Task, *, end: End = "paper", discount: float | None = None
+) -> Reward:
+    """A reward by name.
+
+    Args:
+        name: One of `REWARDS`.
+        task: The task it is derived from.
+        end: End-of-episode convention of potential-based rewards; see `Hierarchical`.
+        discount: The learner's discount; `end="invariant"` needs it.
+
+    Raises:
+        UsageError: The name or the convention is unknown, or the discount is missing.
+    """
+    if name not in REWARDS:
+        raise UsageError(
+            f"unknown reward '{name}'; choose one of {', '.join(REWARDS)}."
+            f"{did_you_mean(name, REWARDS)}"
+        )
+    return REWARDS[name](task, end, discount)

@@ -1,0 +1,36 @@
+"""The base reward: 1 in every state that meets the target, 0 in all others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hprs.semantics.evaluation import Evaluation, Signals, evaluate
+from hprs.semantics.plan import plan_of
+from hprs.spec.namespace import Array, as_number
+from hprs.spec.task import Task
+
+
+@dataclass(frozen=True)
+class Sparse:
+    """The paper's base reward R(s, a, s') (section "Base reward"); 0 where there is no target."""
+
+    task: Task
+
+    def init(self, signals: Signals) -> None:
+        """Nothing to remember."""
+        del signals
+
+    def step(
+        self, memory: None, signals: Signals, terminated: Array, truncated: Array
+    ) -> tuple[None, Array]:
+        """1 where the target's predicate holds in the state reached."""
+        del memory, terminated, truncated
+        return None, base_reward(self.task, evaluate(self.task, signals))
+
+
+def base_reward(task: Task, evaluation: Evaluation) -> Array:
+    """R(s, a, s') from the evaluation of s'."""
+    row = plan_of(task).target_row
+    if row is None:
+        return evaluation.potential * 0.0
+    return as_number(evaluation.satisfied[row])
