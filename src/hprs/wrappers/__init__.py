@@ -1,0 +1,1 @@
+"""Gymnasium glue: puts a task on an environment or a vector environment."""

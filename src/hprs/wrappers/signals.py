@@ -1,0 +1,224 @@
+"""Reads a task's signals out of what an environment returns.
+
+The same readers serve one environment and a batch: indices and slices act on the last axis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+
+from hprs.errors import SignalError, did_you_mean
+from hprs.semantics.plan import plan_of
+from hprs.spec.analysis import evaluate_constant
+from hprs.spec.task import Signal, Source, Task
+
+SignalFunction = Callable[[Any, Any, Any, Mapping[str, Any]], Mapping[str, Any]]
+"""A user's function `(observation, action, last_action, info) -> {signal: value}`."""
+
+Read = Callable[[Any, Any, Any, Mapping[str, Any]], Any]
+"""Reads one signal from observation, action, last action and info; KeyError where it is missing."""
+
+
+@dataclass(frozen=True)
+class Reader:
+    """Reads every signal that a task uses.
+
+    Args:
+        reads: Signal name to its reader.
+        initially: Signal name to its value where the source is missing at reset.
+        vectors: Names of the signals that have components.
+        function: The user's function, if there is one; its signals come first.
+    """
+
+    reads: Mapping[str, Read]
+    initially: Mapping[str, float]
+    vectors: frozenset[str]
+    function: SignalFunction | None = None
+
+    def __call__(
+        self, observation: Any, action: Any, last_action: Any, info: Mapping[str, Any]
+    ) -> dict[str, Any]:
+        """The signals of a state reached by a step.
+
+        Raises:
+            SignalError: One is missing.
+        """
+        values: dict[str, Any] = {}
+        if self.function is not None:
+            given = self.function(observation, action, last_action, info)
+            values = {name: given[name] for name in self.reads if name in given}
+        for name, read in self.reads.items():
+            if name not in values:
+                try:
+                    values[name] = read(observation, action, last_action, info)
+                except KeyError as error:
+                    raise _missing(name, info) from error
+        return values
+
+    def at_reset(
+        self, observation: Any, action: Any, info: Mapping[str, Any]
+    ) -> dict[str, Any]:
+        """The signals of s_0; `initially` stands in for what is missing."""
+        values: dict[str, Any] = {}
+        given: Mapping[str, Any] = {}
+        if self.function is not None:
+            given = self.function(observation, action, action, info)
+        for name, read in self.reads.items():
+            try:
+                values[name] = given[name] if name in given else read(observation, action, action, info)
+            except KeyError as error:
+                if name not in self.initially:
+                    raise _missing(name, info, at_reset=True) from error
+                values[name] = self.initially[name]
+        return values
+
+    @property
+    def needs_probe(self) -> bool:
+        """Whether only a reset can tell that every signal exists."""
+        return self.function is not None or any(
+            getattr(read, "from_info", False) for read in self.reads.values()
+        )
+
+
+def make_reader(
+    task: Task,
+    observation_space: gym.Space[Any],
+    action_space: gym.Space[Any],
+    function: SignalFunction | None = None,
+) -> Reader:
+    """A reader for a task over an environment's (single) spaces.
+
+    Raises:
+        SignalError: A source does not exist in the spaces, or has another shape than its signal.
+    """
+    used = plan_of(task).signals
+    signals = [signal for signal in task.signals if signal.name in used]
+    known = task.analysis.known
+    return Reader(
+        reads={signal.name: _reader(signal, observation_space, action_space) for signal in signals},
+        initially={
+            signal.name: evaluate_constant(signal.initially, known, signal.name)
+            for signal in signals
+            if signal.initially is not None
+        },
+        vectors=frozenset(signal.name for signal in signals if signal.length is not None),
+        function=function,
+    )
+
+
+def zero_action(space: gym.Space[Any]) -> Any:
+    """Zero clipped to an action space: the action before the first one."""
+    if isinstance(space, spaces.Box):
+        return np.clip(np.zeros(space.shape, space.dtype), space.low, space.high)
+    if isinstance(space, spaces.Discrete):
+        return np.clip(0, space.start, space.start + space.n - 1)
+    if isinstance(space, spaces.MultiDiscrete):
+        return np.clip(np.zeros(space.shape, space.dtype), space.start, space.start + space.nvec - 1)
+    if isinstance(space, spaces.MultiBinary):
+        return np.zeros(space.shape, space.dtype)
+    return None
+
+
+class _InfoRead:
+    """Reads a path of keys in `info`; it alone needs a reset to be checked."""
+
+    from_info = True
+
+    def __init__(self, keys: Iterable[str], index: Any) -> None:
+        self._keys, self._index = tuple(keys), index
+
+    def __call__(self, observation: Any, action: Any, last: Any, info: Mapping[str, Any]) -> Any:
+        value: Any = info
+        for key in self._keys:
+            value = value[key]
+        return value if self._index is None else np.asarray(value)[self._index]
+
+
+def _reader(
+    signal: Signal, observation_space: gym.Space[Any], action_space: gym.Space[Any]
+) -> Read:
+    source = signal.source
+    if source is None:
+        return _InfoRead(("signals", signal.name), None)
+    index: Any = None
+    if source.index is not None:
+        last = slice(*source.index) if isinstance(source.index, tuple) else source.index
+        index = (..., last)
+    if source.root == "info":
+        return _InfoRead(source.keys, index)
+    space = observation_space if source.root == "obs" else action_space
+    _check_shape(signal, source, _subspace(signal, source, space))
+    position = {"obs": 0, "action": 1, "last_action": 2}[source.root]
+    keys = source.keys
+
+    def read(*transition: Any) -> Any:
+        value = transition[position]
+        for key in keys:
+            value = value[key]
+        return value if index is None else value[index]
+
+    return read
+
+
+def _subspace(signal: Signal, source: Source, space: gym.Space[Any]) -> gym.Space[Any]:
+    for key in source.keys:
+        if not isinstance(space, spaces.Dict):
+            raise SignalError(
+                f"signal '{signal.name}' reads {source}, but {source.root} is {_kind(space)}, "
+                "which has no entries."
+            )
+        if key not in space.spaces:
+            raise SignalError(
+                f"signal '{signal.name}' reads {source}, but the observation has no '{key}'."
+                f"{did_you_mean(key, space.spaces)}"
+            )
+        space = space.spaces[key]
+    return space
+
+
+def _check_shape(signal: Signal, source: Source, space: gym.Space[Any]) -> None:
+    if space.shape is None:
+        raise SignalError(
+            f"signal '{signal.name}' reads {source}, which is {_kind(space)}; name one of its entries."
+        )
+    shape = space.shape
+    if source.index is not None and shape:
+        try:
+            last = slice(*source.index) if isinstance(source.index, tuple) else source.index
+            shape = np.broadcast_to(np.empty(()), shape)[..., last].shape
+        except IndexError:
+            raise SignalError(
+                f"signal '{signal.name}' reads {source}, but {source.root} has shape {space.shape}."
+            ) from None
+    elif source.index is not None:
+        raise SignalError(f"signal '{signal.name}' reads {source}, but {source.root} is one number.")
+    wanted = () if signal.length is None else (signal.length,)
+    if shape != wanted:
+        raise SignalError(
+            f"signal '{signal.name}' {_length(wanted)}, but {source} {_length(shape)}."
+        )
+
+
+def _length(shape: tuple[int, ...]) -> str:
+    if not shape:
+        return "is one number"
+    return f"has {shape[0]} components" if len(shape) == 1 else f"has shape {shape}"
+
+
+def _kind(space: gym.Space[Any]) -> str:
+    return f"a {type(space).__name__}"
+
+
+def _missing(name: str, info: Mapping[str, Any], *, at_reset: bool = False) -> SignalError:
+    offered = [str(key) for key in (info.get("signals") or info)]
+    return SignalError(
+        f"signal '{name}' is missing{' at reset' if at_reset else ''}: neither its source nor "
+        f'info["signals"]["{name}"] exists.{did_you_mean(name, offered)}'
+        + (" Give it a value with `initially`, or supply it at reset." if at_reset else "")
+    )

@@ -1,0 +1,220 @@
+"""Puts a task on a `gymnasium.Env`: its reward, its episode ends, and its assessment."""
+
+from __future__ import annotations
+
+import warnings
+from copy import deepcopy
+from typing import Any, SupportsFloat
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import wrappers as gym_wrappers
+
+from hprs.errors import SignalError
+from hprs.rewards.base import Reward
+from hprs.rewards.hierarchical import End
+from hprs.rewards.registry import make_reward
+from hprs.semantics import assessment
+from hprs.semantics.evaluation import EvaluatedSignals, Evaluation, evaluate_floats
+from hprs.semantics.plan import plan_of
+from hprs.spec.task import ENV_REWARD, Task
+from hprs.wrappers.signals import SignalFunction, make_reader, zero_action
+
+CHANGES_OBSERVATIONS = (
+    gym_wrappers.NormalizeObservation,
+    gym_wrappers.FrameStackObservation,
+    gym_wrappers.RescaleObservation,
+)
+"""Gymnasium's wrappers below which `obs[...]` would no longer be in the task's units."""
+
+
+def wrap(
+    env: gym.Env[Any, Any],
+    task: Task,
+    reward: str | Reward = "hprs",
+    *,
+    end: End = "paper",
+    discount: float | None = None,
+    signals: SignalFunction | None = None,
+    end_on_violation: bool = True,
+    end_on_target: bool = True,
+) -> TaskWrapper:
+    """Put a task on an environment.
+
+    The wrapper replaces the reward, ends the episode where the task decides it, and adds to `info`:
+    `margins`, `satisfied`, `scores` (label to value), `potential`, `env_reward` (the original one),
+    `cost` (number of violated safety requirements), and in an episode's last step `assessment`.
+
+    Wrap before normalisation and stacking: signals read raw observations. Where the task reads
+    `info` or `signals` is given, the environment is reset once, to see that every signal exists.
+
+    Args:
+        env: The environment.
+        task: The task.
+        reward: A name of `hprs.rewards.REWARDS`, or a reward.
+        end: End-of-episode convention of the shaping; see `hprs.rewards.Hierarchical`.
+        discount: The learner's discount; `end="invariant"` needs it.
+        signals: A function `(observation, action, last_action, info) -> {signal: value}` that
+            supplies some or all signals.
+        end_on_violation: End the episode (terminated) when a safety requirement is violated.
+        end_on_target: End the episode (terminated) when an `achieve` target is met. A `conquer`
+            target is decided at the horizon.
+
+    Raises:
+        SignalError: A signal is missing or misshapen.
+        UsageError: The reward or the convention is unknown.
+    """
+    made = make_reward(reward, task, end=end, discount=discount) if isinstance(reward, str) else reward
+    return TaskWrapper(
+        env,
+        task=task,
+        reward=made,
+        signals=signals,
+        end_on_violation=end_on_violation,
+        end_on_target=end_on_target,
+    )
+
+
+class TaskWrapper(gym.Wrapper[Any, Any, Any, Any]):
+    """What `wrap` returns."""
+
+    def __init__(
+        self,
+        env: gym.Env[Any, Any],
+        *,
+        task: Task,
+        reward: Reward,
+        signals: SignalFunction | None,
+        end_on_violation: bool,
+        end_on_target: bool,
+    ) -> None:
+        super().__init__(env)
+        self.task = task
+        self.reward = reward
+        warn_of_changed_observations(env)
+        self._plan = plan_of(task)
+        self._reader = make_reader(task, env.observation_space, env.action_space, signals)
+        self._ranges = [(name, *_ends(task, name)) for name in self._plan.signals]
+        self._in_order = self._plan.labels == task.labels
+        self._zero_action = zero_action(env.action_space)
+        self._end_on_violation = end_on_violation
+        self._end_on_target = end_on_target
+        self._memory: Any = None
+        self._tally: assessment.Tally | None = None
+        self._last_action: Any = self._zero_action
+        self._outside: dict[str, int] = {}
+        if self._reader.needs_probe:
+            self._probe()
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Reset the environment, and start a new assessment."""
+        observation, info = self.env.reset(seed=seed, options=options)
+        self._outside = {}
+        self._last_action = deepcopy(self._zero_action)
+        values = self._floats(self._reader.at_reset(observation, self._zero_action, info), step=0)
+        evaluation = evaluate_floats(self._plan, values)
+        self._check(evaluation, 0)
+        self._tally = assessment.start(self._plan, evaluation.satisfied)
+        self._memory = self.reward.init(EvaluatedSignals(values, self.task, evaluation))
+        info = dict(info)
+        self._describe(info, evaluation)
+        return observation, info
+
+    def step(self, action: Any) -> tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]:
+        """Step the environment; the reward is the task's."""
+        observation, env_reward, terminated, truncated, info = self.env.step(action)
+        plan, tally = self._plan, self._tally
+        if tally is None:
+            raise SignalError("step() was called before reset().")
+        step = tally.steps + 1
+        values = self._floats(self._reader(observation, action, self._last_action, info), step)
+        evaluation = evaluate_floats(plan, values)
+        self._check(evaluation, step)
+        self._tally = tally = assessment.advance(plan, tally, evaluation.satisfied)
+        if (self._end_on_violation and not assessment.is_safe(tally)) or (
+            self._end_on_target and assessment.achieved(plan, tally)
+        ):
+            terminated = True
+        terminated, truncated = bool(terminated), bool(truncated)
+        self._last_action = np.array(action)
+        values[ENV_REWARD] = env_reward = float(env_reward)
+        signals = EvaluatedSignals(values, self.task, evaluation)
+        self._memory, reward = self.reward.step(self._memory, signals, terminated, truncated)
+        info = dict(info)
+        self._describe(info, evaluation)
+        info["env_reward"] = env_reward
+        if terminated or truncated:
+            info["assessment"] = assessment.conclude(plan, tally, outside=self._outside)
+        return observation, reward, terminated, truncated, info
+
+    def _describe(self, info: dict[str, Any], evaluation: Evaluation) -> None:
+        margins, satisfied, scores, potential = evaluation
+        if self._in_order:
+            labels = self._plan.labels
+            info["margins"] = dict(zip(labels, margins, strict=True))
+            info["satisfied"] = dict(zip(labels, satisfied, strict=True))
+            info["scores"] = dict(zip(labels, scores, strict=True))
+        else:
+            info["margins"] = self._plan.by_label(margins)
+            info["satisfied"] = self._plan.by_label(satisfied)
+            info["scores"] = self._plan.by_label(scores)
+        info["potential"] = potential
+        info["cost"] = float(satisfied[: self._plan.safety_count].count(False))
+
+    def _floats(self, values: dict[str, Any], step: int) -> dict[str, Any]:
+        """Signals as floats (vectors as copies), counted where outside their ranges, never NaN."""
+        vectors = self._reader.vectors
+        for name, low, high in self._ranges:
+            if name in vectors:
+                values[name] = value = np.array(values[name], dtype=float)
+                inside = bool(((value >= low) & (value <= high)).all())
+            else:
+                values[name] = value = float(values[name])
+                inside = low <= value <= high
+            if not inside:
+                if np.isnan(value).any():
+                    raise SignalError(f"signal '{name}' is NaN at step {step}.")
+                self._outside[name] = self._outside.get(name, 0) + 1
+        return values
+
+    def _check(self, evaluation: Evaluation, step: int) -> None:
+        if evaluation.potential != evaluation.potential:
+            raise nan_margin(self._plan.by_label(evaluation.margins), step)
+
+    def _probe(self) -> None:
+        """Reset once, without disturbing the environment's generator."""
+        bare = self.env.unwrapped
+        generator = deepcopy(bare.__dict__.get("_np_random"))
+        try:
+            observation, info = self.env.reset()
+            self._reader.at_reset(observation, self._zero_action, info)
+        finally:
+            bare.__dict__["_np_random"] = generator
+
+
+def nan_margin(margins: dict[str, Any], step: Any) -> SignalError:
+    """The error of a margin that is NaN although no signal is."""
+    label = next((name for name, value in margins.items() if np.isnan(value).any()), "?")
+    return SignalError(
+        f"the margin of requirement '{label}' is NaN at step {step}: a signal has left the range "
+        "in which its expression is defined."
+    )
+
+
+def warn_of_changed_observations(env: Any, kinds: tuple[type, ...] = CHANGES_OBSERVATIONS) -> None:
+    """Warn of Gymnasium's own wrappers below that change what `obs[...]` means."""
+    while hasattr(env, "env"):
+        if isinstance(env, kinds):
+            warnings.warn(
+                f"{type(env).__name__} lies below the task: its signals read changed observations. "
+                "Wrap with the task first, then normalise or stack.",
+                stacklevel=4,
+            )
+        env = env.env
+
+
+def _ends(task: Task, name: str) -> tuple[float, float]:
+    bounds = task.ranges[name]
+    return bounds.low, bounds.high
