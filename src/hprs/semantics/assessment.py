@@ -76,16 +76,15 @@ def start(plan: Plan, satisfied: Any) -> Tally:
     """
     safe = satisfied[: plan.safety_count]
     counts = satisfied[plan.comfort_start :]
-    achieves = plan.target_row is not None and plan.kinds[plan.target_row] == "achieve"
     if isinstance(satisfied, list):
         target = True if plan.target_row is None else satisfied[plan.target_row]
-        decided = not all(safe) or (achieves and target)
+        decided = not all(safe) or (plan.achieves and target)
         return Tally(safe, target, [0] * plan.comfort_count, 0, decided)
     xp = namespace_of((satisfied,))
     every = xp.ones_like(satisfied[0])
     target = every if plan.target_row is None else satisfied[plan.target_row]
     decided = ~_all(safe, every)
-    if achieves:
+    if plan.achieves:
         decided = decided | target
     zeros = xp.astype(counts, xp.int32) * 0
     return Tally(safe, target, zeros, xp.astype(every, xp.int32) * 0, decided)
@@ -98,7 +97,7 @@ def advance(plan: Plan, tally: Tally, satisfied: Any) -> Tally:
     target = tally.target
     if plan.target_row is not None:
         now = satisfied[plan.target_row]
-        target = target | now if plan.kinds[plan.target_row] == "achieve" else now
+        target = target | now if plan.achieves else now
     return Tally(
         tally.safe & satisfied[: plan.safety_count],
         target,
@@ -113,11 +112,12 @@ def _advance_one(plan: Plan, tally: Tally, satisfied: list[bool]) -> Tally:
     now = satisfied[: plan.safety_count]
     if False in now:
         safe = [before and holds for before, holds in zip(safe, now, strict=True)]
-    if plan.target_row is not None:
-        holds = satisfied[plan.target_row]
-        target = target or holds if plan.kinds[plan.target_row] == "achieve" else holds
+    row = plan.target_row
+    if row is not None and not (target and plan.achieves):
+        target = satisfied[row]
     counts = list(map(operator.add, counts, satisfied[plan.comfort_start :]))
-    return Tally(safe, target, counts, steps + 1, decided)
+    # Twice as fast as the named constructor, which the fast path calls every step.
+    return tuple.__new__(Tally, (safe, target, counts, steps + 1, decided))
 
 
 def is_safe(tally: Tally) -> Any:
@@ -129,7 +129,7 @@ def is_safe(tally: Tally) -> Any:
 
 def achieved(plan: Plan, tally: Tally) -> Any:
     """Whether an `achieve` target is met, which ends an episode; false for any other target."""
-    if plan.target_row is not None and plan.kinds[plan.target_row] == "achieve":
+    if plan.achieves:
         return tally.target
     return False if isinstance(tally.target, bool) else tally.target & False
 
@@ -195,7 +195,7 @@ def assess(task: Task, trace: Signals, *, max_length: int | None = None) -> Asse
     target = first.target
     if plan.target_row is not None:
         row = satisfied[plan.target_row]
-        target = xp.any(row, axis=0) if plan.kinds[plan.target_row] == "achieve" else row[-1]
+        target = xp.any(row, axis=0) if plan.achieves else row[-1]
     steps = first.steps + (satisfied.shape[1] - 1)
     tally = Tally(safe, target, counts, steps, first.decided_at_start)
     outside = _count_outside(task, values)

@@ -20,7 +20,6 @@ from hprs.spec.namespace import (
     Array,
     array_operations,
     as_floating,
-    float_operations,
     namespace_of,
 )
 from hprs.spec.task import Task
@@ -47,15 +46,17 @@ class Evaluation(NamedTuple):
     """Hierarchical potential Psi (the paper, equation `hrs_pot`), in [0, number of requirements]."""
 
 
+# Twice as fast as the named constructor, which the fast path calls every step.
+_new_evaluation = tuple.__new__
+
+
 class EvaluatedSignals(dict[str, Array]):
     """Signals that carry their evaluation, so that one step evaluates a task once."""
 
     __slots__ = ("evaluation", "task")
 
-    def __init__(self, signals: Signals, task: Task, evaluation: Evaluation) -> None:
-        super().__init__(signals)
-        self.task = task
-        self.evaluation = evaluation
+    task: Task
+    evaluation: Evaluation
 
 
 def evaluate(task: Task, signals: Signals) -> Evaluation:
@@ -68,7 +69,7 @@ def evaluate(task: Task, signals: Signals) -> Evaluation:
     Raises:
         SignalError: A signal that the task uses is missing.
     """
-    if isinstance(signals, EvaluatedSignals) and signals.task is task:
+    if type(signals) is EvaluatedSignals and signals.task is task:
         return signals.evaluation
     plan = plan_of(task)
     values = _pick(plan, signals)
@@ -94,22 +95,16 @@ def scores(task: Task, signals: Signals) -> dict[str, Array]:
 
 def evaluate_floats(plan: Plan, signals: Signals) -> Evaluation:
     """Evaluate one state of Python floats (vector signals: NumPy arrays); the fast path."""
-    leaves = plan.float_margins(signals)
-    leaf_satisfied = [
-        f > 0.0 or (f == 0.0 and not strict) for f, strict in zip(leaves, plan.strict, strict=True)
-    ]
-    leaf_scores = [
-        1.0 if f >= 0.0 else _score(f, low) for f, low in zip(leaves, plan.lows, strict=True)
-    ]
-    if plan.compound:
-        operations = float_operations()
-        minimum, maximum = operations["min"], operations["max"]
-        leaves = plan.combine(leaves, minimum, maximum)
-        leaf_satisfied = plan.combine(leaf_satisfied, operator.and_, operator.or_)
-        leaf_scores = plan.combine(leaf_scores, minimum, maximum)
-    for row in range(plan.safety_count):
-        leaf_scores[row] = 1.0 if leaf_satisfied[row] else 0.0
-    return Evaluation(leaves, leaf_satisfied, leaf_scores, _potential(plan.groups, leaf_scores))
+    margins, leaves = plan.float_margins(signals)
+    if plan.any_strict:
+        satisfied = [row(leaves) for row in plan.float_satisfied]
+    else:
+        satisfied = [margin >= 0.0 for margin in margins]
+    scores = [1.0 if holds else 0.0 for holds in satisfied[: plan.safety_count]]
+    for margin, score in zip(margins[plan.safety_count :], plan.float_scores):  # noqa: B905
+        # Where a margin is not negative every score is 1, through `and` and `or` too.
+        scores.append(1.0 if margin >= 0.0 else score(leaves))
+    return _new_evaluation(Evaluation, (margins, satisfied, scores, plan.float_potential(scores)))
 
 
 def evaluate_arrays(plan: Plan, signals: Signals, xp: ModuleType) -> Evaluation:
@@ -123,7 +118,7 @@ def evaluate_arrays(plan: Plan, signals: Signals, xp: ModuleType) -> Evaluation:
         return _empty(shape, xp)
     satisfied = _satisfied(plan, leaves, xp)
     first = plan.safety_leaves
-    lows = _column(plan.lows[first:], leaves, xp)
+    lows = _column(plan.soft_lows, leaves, xp)
     operations = array_operations(xp)
     scores = operations["max"](1.0 - operations["min"](leaves[first:], 0.0) / lows, 0.0)
     if plan.compound:
@@ -138,13 +133,8 @@ def evaluate_arrays(plan: Plan, signals: Signals, xp: ModuleType) -> Evaluation:
     return Evaluation(leaves, satisfied, scores, _potential(plan.groups, scores))
 
 
-def _score(margin: float, low: float) -> float:
-    score = 1.0 - margin / low
-    return score if score > 0.0 or score != score else 0.0
-
-
-def _potential(groups: Sequence[Group], scores: Any) -> Array:
-    total: Array = None
+def _potential(groups: Sequence[Group], scores: Array) -> Array:
+    total: Array = 0.0
     for group in groups:
         members = iter(group.members)
         subtotal = scores[next(members)]
@@ -152,8 +142,8 @@ def _potential(groups: Sequence[Group], scores: Any) -> Array:
             subtotal = subtotal + scores[row]
         for row in group.above:
             subtotal = subtotal * scores[row]
-        total = subtotal if total is None else total + subtotal
-    return 0.0 if total is None else total
+        total = total + subtotal
+    return total
 
 
 def _pick(plan: Plan, signals: Signals) -> dict[str, Array]:
@@ -185,7 +175,7 @@ def _broadcast(leaf: Array, shape: tuple[int, ...], like: Array, xp: ModuleType)
 
 
 def _satisfied(plan: Plan, leaves: Array, xp: ModuleType) -> Array:
-    if not any(plan.strict):
+    if not plan.any_strict:
         return leaves >= 0.0
     if all(plan.strict):
         return leaves > 0.0

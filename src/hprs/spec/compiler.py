@@ -180,22 +180,18 @@ def _arithmetic(
 class Margins:
     """Margin functions of some comparisons over one kind of numbers.
 
-    A comparison without signals has the constant margin in `constants` and no function.
+    The margin of a comparison without signals is a Python float, whatever the batch.
     """
 
     definitions: tuple[tuple[str, Function], ...]
-    functions: tuple[Function | None, ...]
-    constants: tuple[float, ...]
+    functions: tuple[Function, ...]
 
     def __call__(self, signals: Mapping[str, Array]) -> list[Any]:
         """The margins of the comparisons, in their order, over one state or a batch."""
         values: Values = dict(signals) if self.definitions else signals  # type: ignore[assignment]
         for name, function in self.definitions:
             values[name] = function(values)
-        return [
-            constant if function is None else function(values)
-            for function, constant in zip(self.functions, self.constants, strict=True)
-        ]
+        return [function(values) for function in self.functions]
 
 
 def compile_margins(
@@ -216,11 +212,11 @@ def compile_margins(
         if (part := compiler.compile(d.value)).function is not None
     )
     parts = [compiler.compile(comparison.margin) for comparison in comparisons]
-    return Margins(
-        tuple((name, function) for name, function in definitions if function is not None),
-        tuple(part.function for part in parts),
-        tuple(part.constant for part in parts),
-    )
+    return Margins(definitions, tuple(part.function or _constant(part.constant) for part in parts))
+
+
+def _constant(value: float) -> Function:
+    return lambda values: value
 
 
 @lru_cache(maxsize=256)

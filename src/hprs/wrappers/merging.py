@@ -1,0 +1,55 @@
+"""Merges rows of batches: of reward memories, and of Gymnasium's masked info dictionaries."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+
+def merge_rows(mask: Any, new: Any, old: Any) -> Any:
+    """`new` where the mask holds and `old` elsewhere; the batch is the last axis of every array."""
+    if new is None or isinstance(new, int | float) and not isinstance(old, np.ndarray):
+        return new
+    if isinstance(new, dict):
+        return {key: merge_rows(mask, value, old[key]) for key, value in new.items()}
+    if isinstance(new, tuple):
+        parts = [merge_rows(mask, n, o) for n, o in zip(new, old, strict=True)]
+        return type(new)(*parts) if hasattr(new, "_fields") else tuple(parts)
+    return np.where(mask, new, old)
+
+
+def merge_infos(infos: dict[str, Any], added: dict[str, Any], mask: Any) -> dict[str, Any]:
+    """Infos with the rows of a mask taken from `added`; each key `k` has its own mask `_k`."""
+    merged = dict(infos)
+    everywhere = bool(mask.all())
+    for key, value in added.items():
+        if key.startswith("_") and key[1:] in added:
+            continue
+        valid = added.get(f"_{key}", mask) & mask
+        if key in merged and not isinstance(value, dict) and not everywhere:
+            value = _where(mask if valid is mask else valid, value, merged[key])
+            valid = valid | merged.get(f"_{key}", False)
+        elif isinstance(value, dict):
+            value = merge_infos(merged.get(key, {}), value, mask)
+            valid = valid | merged.get(f"_{key}", False)
+        merged[key], merged[f"_{key}"] = value, valid
+    return merged
+
+
+def without_rows(infos: dict[str, Any], mask: Any) -> dict[str, Any]:
+    """Infos in which the rows of a mask count as absent."""
+    return {
+        key: without_rows(value, mask)
+        if isinstance(value, dict)
+        else value & ~mask
+        if key.startswith("_") and key[1:] in infos
+        else value
+        for key, value in infos.items()
+    }
+
+
+def _where(mask: Any, new: Any, old: Any) -> Any:
+    merged = np.array(old, dtype=np.result_type(new, old) if old.dtype != object else object)
+    merged[mask] = np.asarray(new)[mask]
+    return merged

@@ -1,0 +1,448 @@
+"""Puts a task on a `gymnasium.vector.VectorEnv`, in each of its three autoreset modes.
+
+The task may end an episode that its sub-environment would go on with; the wrapper then resets that
+sub-environment, so that a caller sees the autoreset mode of the wrapped environment and nothing else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import wrappers as gym_wrappers
+from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorEnv, VectorWrapper
+
+from hprs.errors import SignalError, UsageError
+from hprs.rewards.base import Reward
+from hprs.rewards.hierarchical import End
+from hprs.rewards.registry import make_reward
+from hprs.semantics import assessment
+from hprs.semantics.evaluation import EvaluatedSignals, Evaluation, evaluate_arrays
+from hprs.semantics.plan import plan_of
+from hprs.spec.task import ENV_REWARD, Task
+from hprs.wrappers.merging import merge_infos, merge_rows, without_rows
+from hprs.wrappers.signals import SignalFunction, info_mask, make_reader, zero_action
+from hprs.wrappers.single import nan_margin, warn_of_changed_observations
+
+Mask = np.ndarray[Any, np.dtype[np.bool_]]
+
+
+def wrap_vector(
+    envs: VectorEnv[Any, Any, Any],
+    task: Task,
+    reward: str | Reward = "hprs",
+    *,
+    end: End = "paper",
+    discount: float | None = None,
+    signals: SignalFunction | None = None,
+    end_on_violation: bool = True,
+    end_on_target: bool = True,
+) -> TaskVectorWrapper:
+    """Put a task on a vector environment; `info` entries and arguments as for `hprs.wrap`.
+
+    The signal function gets batches. Entries of `info` are arrays with a mask `_key`, as Gymnasium
+    has them; `assessment` is an array of objects. With same-step autoreset the last step's entries
+    stand in `final_info`.
+
+    Raises:
+        SignalError: A signal is missing or misshapen.
+        UsageError: The reward or the convention is unknown, or the task would end episodes that this
+            vector environment cannot end (see `forced_reset`).
+    """
+    made = make_reward(reward, task, end=end, discount=discount) if isinstance(reward, str) else reward
+    return TaskVectorWrapper(
+        envs,
+        task=task,
+        reward=made,
+        signals=signals,
+        end_on_violation=end_on_violation,
+        end_on_target=end_on_target,
+    )
+
+
+class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
+    """What `wrap_vector` returns."""
+
+    def __init__(
+        self,
+        envs: VectorEnv[Any, Any, Any],
+        *,
+        task: Task,
+        reward: Reward,
+        signals: SignalFunction | None,
+        end_on_violation: bool,
+        end_on_target: bool,
+    ) -> None:
+        super().__init__(envs)
+        self.task = task
+        self.reward = reward
+        warn_of_changed_observations(envs, _CHANGES_OBSERVATIONS)
+        self._plan = plan = plan_of(task)
+        self._mode = AutoresetMode(envs.metadata.get("autoreset_mode", AutoresetMode.NEXT_STEP))
+        self._reader = make_reader(
+            task, envs.single_observation_space, envs.single_action_space, signals
+        )
+        self._scalars = [name for name in plan.signals if name not in self._reader.vectors]
+        ends = [task.ranges[name] for name in self._scalars]
+        self._lows = np.array([[end.low] for end in ends])
+        self._highs = np.array([[end.high] for end in ends])
+        self._end_on_violation = end_on_violation and plan.safety_count > 0
+        self._end_on_target = end_on_target and plan.achieves
+        self._force: Callable[[Mask], None] | None = None
+        if self._mode != AutoresetMode.DISABLED and (self._end_on_violation or self._end_on_target):
+            self._force = forced_reset(envs)
+        zero = zero_action(envs.single_action_space)
+        self._zeros: Any = None if zero is None else np.stack([zero] * self.num_envs)
+        self._everyone: Mask = np.ones(self.num_envs, bool)
+        self._ended: Mask = ~self._everyone
+        self._forced: Mask = ~self._everyone
+        self._memory: Any = None
+        self._tally: Any = None
+        self._last_action: Any = None
+        self._outside = np.zeros((len(plan.signals), self.num_envs), np.int64)
+        if self._reader.needs_probe:
+            observation, infos = envs.reset()
+            self._reader.at_reset(observation, self._zeros, infos)
+
+    def reset(
+        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Reset all sub-environments, or those of `options["reset_mask"]`."""
+        mask = self._everyone
+        if options is not None and "reset_mask" in options:
+            mask = np.array(options["reset_mask"])
+        observation, infos = self.env.reset(seed=seed, options=options)
+        if self._tally is None and not mask.all():
+            raise SignalError("the first reset must be of all sub-environments.")
+        infos = self._begin(mask, observation, infos)
+        self._ended = self._ended & ~mask
+        self._forced = self._forced & ~mask
+        return observation, infos
+
+    def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+        """Step all sub-environments; the rewards are the task's."""
+        if self._tally is None:
+            raise SignalError("step() was called before reset().")
+        observation, env_reward, terminated, truncated, infos = self.env.step(actions)
+        resetting = self._ended if self._mode == AutoresetMode.NEXT_STEP else ~self._everyone
+        if self._forced.any() and self._mode == AutoresetMode.NEXT_STEP and self._resets_by_mask:
+            # The step above was one too many for these: their episodes had ended.
+            observation, reset_infos = self._reset_rows(self._forced)
+            infos = merge_infos(without_rows(infos, self._forced), reset_infos, self._forced)
+        own_end = terminated | truncated
+        last_observation, last_infos = self._last(observation, infos, own_end)
+        rewards, terminated, truncated, described = self._transition(
+            actions, last_observation, last_infos, env_reward, terminated, truncated, resetting
+        )
+        done = terminated | truncated
+        forced = done & ~own_end & ~resetting
+        if self._mode == AutoresetMode.SAME_STEP:
+            if done.any():
+                observation, infos = self._restart(
+                    observation, infos, described, done, forced
+                )
+            infos = merge_infos(infos, described, ~done)
+        else:
+            infos = merge_infos(infos, described, ~resetting)
+            if resetting.any():
+                infos = self._begin(resetting, observation, infos)
+            self._ended, self._forced = done, forced
+            if self._force is not None and forced.any() and not self._resets_by_mask:
+                self._force(forced)
+        return observation, rewards, terminated, truncated, infos
+
+    @property
+    def _resets_by_mask(self) -> bool:
+        return self._force is _reset_by_mask
+
+    def _transition(
+        self,
+        actions: Any,
+        observation: Any,
+        infos: dict[str, Any],
+        env_reward: Any,
+        terminated: Any,
+        truncated: Any,
+        resetting: Mask,
+    ) -> tuple[Any, Any, Any, dict[str, Any]]:
+        """Reward, ends and info entries of the transitions; rows of `resetting` are not any."""
+        plan = self._plan
+        partial = resetting.any()
+        values = self._signals(observation, actions, infos, resetting)
+        evaluation = self._evaluate(values, ~resetting)
+        tally = assessment.advance(plan, self._tally, evaluation.satisfied)
+        if self._end_on_violation:
+            terminated = terminated | ~assessment.is_safe(tally)
+        if self._end_on_target:
+            terminated = terminated | assessment.achieved(plan, tally)
+        if partial:
+            terminated = terminated & ~resetting
+            truncated = truncated & ~resetting
+        values[ENV_REWARD] = env_reward
+        memory, rewards = self.reward.step(self._memory, values, terminated, truncated)
+        rewards = np.asarray(rewards, dtype=np.float64)
+        if partial:
+            rewards = np.where(resetting, 0.0, rewards)
+        self._memory, self._tally = memory, tally
+        if self._reads_last_action:
+            self._last_action = np.array(actions)
+        described = self._describe(evaluation, ~resetting if partial else self._everyone)
+        described["env_reward"] = env_reward
+        described["_env_reward"] = ~resetting if partial else self._everyone
+        done = terminated | truncated
+        if done.any():
+            described["assessment"], described["_assessment"] = self._conclude(done), done
+        return rewards, terminated, truncated, described
+
+    def _restart(
+        self,
+        observation: Any,
+        infos: dict[str, Any],
+        described: dict[str, Any],
+        done: Mask,
+        forced: Mask,
+    ) -> tuple[Any, dict[str, Any]]:
+        """Same-step autoreset: the last step goes to `final_*`, the first of the next is returned."""
+        final_obs = infos.get("final_obs", np.full(self.num_envs, None, dtype=object))
+        final_info = infos.get("final_info", {})
+        if forced.any():
+            for row in np.flatnonzero(forced):
+                final_obs[row] = _row(observation, row)
+            stepped = {k: v for k, v in infos.items() if k.lstrip("_") not in _FINAL}
+            final_info = merge_infos(final_info, stepped, forced)
+            infos = without_rows(infos, forced)
+            observation, reset_infos = self._reset_rows(forced)
+            infos = merge_infos(infos, reset_infos, forced)
+        infos = {
+            **infos,
+            "final_obs": final_obs,
+            "_final_obs": done,
+            "final_info": merge_infos(final_info, described, done),
+            "_final_info": done,
+        }
+        return observation, self._begin(done, observation, infos)
+
+    def _begin(self, mask: Mask, observation: Any, infos: dict[str, Any]) -> dict[str, Any]:
+        """Start new episodes in the rows of a mask, whose observation is s_0."""
+        missing = {
+            name: initial
+            for name, initial in self._reader.initially.items()
+            if not self._present(name, infos)[mask].all()
+        }
+        values = self._read(observation, self._zeros, self._zeros, infos, missing, mask)
+        evaluation = self._evaluate(values, mask, at_reset=True)
+        memory = self.reward.init(values)
+        tally = assessment.start(self._plan, evaluation.satisfied)
+        whole = self._tally is None or mask.all()
+        self._memory = memory if whole else merge_rows(mask, memory, self._memory)
+        self._tally = tally if whole else merge_rows(mask, tally, self._tally)
+        if self._zeros is not None and self._reads_last_action:
+            last = self._zeros if whole else merge_rows(mask, self._zeros.T, self._last_action.T).T
+            self._last_action = np.array(last)
+        return merge_infos(infos, self._describe(evaluation, mask), mask)
+
+    def _signals(
+        self, observation: Any, actions: Any, infos: dict[str, Any], resetting: Mask
+    ) -> EvaluatedSignals:
+        return self._read(observation, actions, self._last_action, infos, {}, ~resetting)
+
+    def _read(
+        self,
+        observation: Any,
+        actions: Any,
+        last_actions: Any,
+        infos: dict[str, Any],
+        missing: Mapping[str, float],
+        mask: Mask,
+    ) -> EvaluatedSignals:
+        """Signals of all rows; those outside the mask may hold anything."""
+        values = EvaluatedSignals()
+        given: Mapping[str, Any] = {}
+        if self._reader.function is not None:
+            given = self._reader.function(observation, actions, last_actions, infos)
+        for name, read in self._reader.reads.items():
+            if name in given:
+                values[name] = np.asarray(given[name])
+                continue
+            present = self._present(name, infos)
+            if not present[mask].all() and name not in missing:
+                row = int(np.flatnonzero(mask & ~present)[0])
+                raise SignalError(
+                    f"signal '{name}' is missing in sub-environment {row}: its info does not "
+                    "supply it."
+                )
+            if present.any():
+                values[name] = np.asarray(read(observation, actions, last_actions, infos))
+            if name in missing:
+                start = np.full(self.num_envs, missing[name])
+                values[name] = np.where(present, values[name], start) if present.any() else start
+        return values
+
+    def _present(self, name: str, infos: dict[str, Any]) -> Mask:
+        keys = getattr(self._reader.reads[name], "keys", None)
+        return self._everyone if keys is None else info_mask(infos, keys, self.num_envs)
+
+    def _evaluate(
+        self, values: EvaluatedSignals, mask: Mask, *, at_reset: bool = False
+    ) -> Evaluation:
+        outside = self._find_outside(values, mask)
+        evaluation = evaluate_arrays(self._plan, values, np)
+        if at_reset:
+            self._outside[:, mask] = 0
+        if outside is not None:
+            self._outside += outside & mask
+        invalid = np.isnan(evaluation.potential)
+        if invalid.any() and (invalid & mask).any():
+            row = int(np.flatnonzero(invalid & mask)[0])
+            margins = self._plan.by_label([margin[row] for margin in evaluation.margins])
+            raise nan_margin(margins, f"{self._step_of(row)} of sub-environment {row}")
+        values.task, values.evaluation = self.task, evaluation
+        return evaluation
+
+    def _find_outside(self, values: EvaluatedSignals, mask: Mask) -> Any:
+        """Row a signal: where it left its range; None if nowhere."""
+        inside = np.ones((len(self._plan.signals), self.num_envs), bool)
+        if self._scalars:
+            stacked = np.stack([values[name] for name in self._scalars])
+            within = (stacked >= self._lows) & (stacked <= self._highs)
+            if not self._reader.vectors:
+                inside = within
+            else:
+                inside[[self._plan.signals.index(name) for name in self._scalars]] = within
+        for name in self._reader.vectors:
+            bounds, value = self.task.ranges[name], values[name]
+            row = self._plan.signals.index(name)
+            inside[row] = ((value >= bounds.low) & (value <= bounds.high)).all(axis=-1)
+        if inside.all():
+            return None
+        for number, name in enumerate(self._plan.signals):
+            value = values[name]
+            unknown = np.isnan(value).reshape(self.num_envs, -1).any(axis=1) & mask & ~inside[number]
+            if unknown.any():
+                row = int(np.flatnonzero(unknown)[0])
+                raise SignalError(
+                    f"signal '{name}' is NaN at step {self._step_of(row)} of sub-environment {row}."
+                )
+        return ~inside
+
+    def _step_of(self, row: int) -> int:
+        return 0 if self._tally is None else int(self._tally.steps[row]) + 1
+
+    @property
+    def _reads_last_action(self) -> bool:
+        return self._reader.reads_last_action
+
+    def _describe(self, evaluation: Evaluation, mask: Mask) -> dict[str, Any]:
+        plan = self._plan
+        violated = ~evaluation.satisfied[: plan.safety_count]
+        described: dict[str, Any] = {
+            "margins": _masked(plan.by_label(evaluation.margins), mask),
+            "scores": _masked(plan.by_label(evaluation.scores), mask),
+            "potential": evaluation.potential,
+            "cost": violated.sum(axis=0, dtype=np.float64),
+        }
+        return _masked(described, mask)
+
+    def _conclude(self, done: Mask) -> Any:
+        found = np.full(self.num_envs, None, dtype=object)
+        for row in np.flatnonzero(done):
+            tally = assessment.Tally(
+                [bool(held) for held in self._tally.safe[:, row]],
+                bool(self._tally.target[row]),
+                [int(count) for count in self._tally.counts[:, row]],
+                int(self._tally.steps[row]),
+                bool(self._tally.decided_at_start[row]),
+            )
+            outside = {
+                name: int(count)
+                for name, count in zip(self._plan.signals, self._outside[:, row], strict=True)
+                if count
+            }
+            found[row] = assessment.conclude(self._plan, tally, outside=outside)
+        return found
+
+    def _last(self, observation: Any, infos: dict[str, Any], ended: Mask) -> tuple[Any, Any]:
+        """The observation and infos of the states reached, before any same-step reset."""
+        if self._mode != AutoresetMode.SAME_STEP or not ended.any():
+            return observation, infos
+        last = _copy(observation)
+        for row in np.flatnonzero(ended):
+            _set_row(last, row, infos["final_obs"][row])
+        stepped = {k: v for k, v in infos.items() if k.lstrip("_") not in _FINAL}
+        return last, merge_infos(without_rows(stepped, ended), infos.get("final_info", {}), ended)
+
+    def _reset_rows(self, mask: Mask) -> tuple[Any, dict[str, Any]]:
+        return self.env.reset(options={"reset_mask": mask.copy()})
+
+
+_FINAL = ("final_obs", "final_info")
+_CHANGES_OBSERVATIONS = (
+    gym_wrappers.vector.NormalizeObservation,
+    gym_wrappers.vector.RescaleObservation,
+)
+
+
+def forced_reset(envs: VectorEnv[Any, Any, Any]) -> Callable[[Mask], None]:
+    """How to reset sub-environments whose episodes the task ended and they would not have.
+
+    `SyncVectorEnv` and `AsyncVectorEnv` take a mask at `reset`; an environment of one's own says
+    that it does with `metadata["reset_mask"] = True`. Gymnasium's native vector environments keep a
+    flag `prev_done` for the reset that comes with the next step.
+
+    Raises:
+        UsageError: This vector environment offers none of these.
+    """
+    bare: Any = envs.unwrapped
+    mode = envs.metadata.get("autoreset_mode", AutoresetMode.NEXT_STEP)
+    if isinstance(bare, SyncVectorEnv) and mode == AutoresetMode.NEXT_STEP:
+        return lambda mask: _flag(bare._autoreset_envs, mask)
+    if isinstance(bare, SyncVectorEnv | AsyncVectorEnv) or bare.metadata.get("reset_mask"):
+        return _reset_by_mask
+    if isinstance(getattr(bare, "prev_done", None), np.ndarray) and mode == AutoresetMode.NEXT_STEP:
+        return lambda mask: _flag(bare.prev_done, mask)
+    raise UsageError(
+        f"the task ends episodes, but {type(bare).__name__} cannot reset single sub-environments. "
+        "Use gymnasium.make_vec(..., vectorization_mode='sync'), or autoreset mode DISABLED, or pass "
+        "end_on_violation=False and end_on_target=False."
+    )
+
+
+def _reset_by_mask(mask: Mask) -> None:
+    """A marker: the wrapper calls `reset` with the mask itself, when the next step is due."""
+
+
+def _flag(flags: Mask, mask: Mask) -> None:
+    flags |= mask
+
+
+def _masked(entries: dict[str, Any], mask: Mask) -> dict[str, Any]:
+    return entries | {f"_{key}": mask for key in entries}
+
+
+def _row(batch: Any, row: int) -> Any:
+    if isinstance(batch, dict):
+        return {key: _row(value, row) for key, value in batch.items()}
+    if isinstance(batch, tuple):
+        return tuple(_row(value, row) for value in batch)
+    return np.array(batch[row])
+
+
+def _copy(batch: Any) -> Any:
+    if isinstance(batch, dict):
+        return {key: _copy(value) for key, value in batch.items()}
+    if isinstance(batch, tuple):
+        return tuple(_copy(value) for value in batch)
+    return np.array(batch)
+
+
+def _set_row(batch: Any, row: int, value: Any) -> None:
+    if isinstance(batch, dict):
+        for key, part in batch.items():
+            _set_row(part, row, value[key])
+    elif isinstance(batch, tuple):
+        for part, item in zip(batch, value, strict=True):
+            _set_row(part, row, item)
+    else:
+        batch[row] = value
