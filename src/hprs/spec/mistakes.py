@@ -1,3 +1,4 @@
+# ruff: noqa: RUF001
 """What is said about a text that does not follow the grammar.
 
 `explain` gets the words of a statement up to the one that does not fit and returns the error with
@@ -39,7 +40,7 @@ _SYMBOLS: Mapping[str, str] = MappingProxyType(
         "not": "there is no `not`. Turn the comparison round: not (x <= 1) is x > 1.",
         "%": "there is no '%'. Write percentages as fractions: 5 % is 0.05.",
         ";": "there is no ';'. Put each statement on a line of its own.",
-        "'": "a unit stands in double quotes, as in \"m/s\".",
+        "'": 'a unit stands in double quotes, as in "m/s".',
         '"': "the quotes of this unit are never closed on its line.",
         "{": "braces have no meaning here. Use parentheses, and brackets for ranges.",
         "}": "braces have no meaning here. Use parentheses, and brackets for ranges.",

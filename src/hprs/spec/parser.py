@@ -1,3 +1,5 @@
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# (lark annotates only parts of what is used here.)
 """From the text of a task to a `Task`, and nothing of the text is ever executed.
 
 The only module that imports lark. The parse tree is never built: lark's LALR parser calls
@@ -12,14 +14,13 @@ from collections.abc import Iterable, Iterator
 from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import Literal, TypeAlias, cast
+from typing import TypeAlias, cast
 
 from lark import Lark, Token, Transformer, v_args
 from lark.exceptions import UnexpectedToken
 
 from hprs.errors import Position, SpecError, SpecSyntaxError
 from hprs.spec.expression import (
-    FUNCTIONS,
     And,
     Binary,
     BinaryOperator,
@@ -48,7 +49,7 @@ from hprs.spec.task import (
 
 MAX_BYTES = 1_000_000
 """Largest text, in bytes of UTF-8."""
-MAX_WORDS = 50_000
+MAX_WORDS = 20_000
 """Most words, numbers and signs in a text."""
 MAX_BRACKETS = 200
 """Deepest nesting of brackets; a printed expression of depth `MAX_DEPTH` stays below it."""
@@ -93,6 +94,7 @@ def parse_task(text: str, *, path: str | None = None) -> Task:
         raise SpecError(_too_large(), path=path)
     text = text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
     try:
+        _refuse_nul(text)
         return _parse(text)
     except SpecError as error:
         error.text, error.path = text, path
@@ -113,6 +115,16 @@ def _decode(data: bytes, path: str) -> str:
             "Save the file as UTF-8.",
             path=path,
         ) from None
+
+
+def _refuse_nul(text: str) -> None:
+    before, nul, _ = text.partition("\0")
+    if nul:
+        column = len(before) - before.rfind("\n")
+        raise SpecSyntaxError(
+            "this is a NUL character; the file is damaged or not a text.",
+            Position(before.count("\n") + 1, column),
+        )
 
 
 def _too_large() -> str:
@@ -179,15 +191,7 @@ def _checked(token: Token, last: Token | None, opened: list[Token]) -> Token:
                     _at(token),
                 )
         case "CLOSE" | "RSQB":
-            if not opened:
-                raise SpecSyntaxError(f"this '{token}' closes nothing.", _at(token))
-            opener = opened.pop()
-            if _CLOSER[opener] != token:
-                raise SpecSyntaxError(
-                    f"this '{token}' closes the '{opener}' of line {opener.line}, column "
-                    f"{opener.column}, which needs a '{_CLOSER[opener]}'.",
-                    _at(token),
-                )
+            _close(token, opened)
         case "NUMBER":
             if len(token) > MAX_DIGITS:
                 raise SpecSyntaxError(
@@ -200,6 +204,18 @@ def _checked(token: Token, last: Token | None, opened: list[Token]) -> Token:
             if opened and token in STATEMENTS:
                 raise _unclosed(opened[-1])
     return token
+
+
+def _close(token: Token, opened: list[Token]) -> None:
+    if not opened:
+        raise SpecSyntaxError(f"this '{token}' closes nothing.", _at(token))
+    opener = opened.pop()
+    if _CLOSER[opener] != token:
+        raise SpecSyntaxError(
+            f"this '{token}' closes the '{opener}' of line {opener.line}, column {opener.column}, "
+            f"which needs a '{_CLOSER[opener]}'.",
+            _at(token),
+        )
 
 
 def _unclosed(opener: Token) -> SpecSyntaxError:
@@ -228,9 +244,7 @@ def _span(first: Position | None, last: Position | None) -> Position | None:
 def _number(value: _Value) -> Expression:
     """The value, which must be a number and not a condition."""
     if isinstance(value, Comparison | And | Or):
-        raise SpecSyntaxError(
-            "this is a condition, and a number is needed here.", value.position
-        )
+        raise SpecSyntaxError("this is a condition, and a number is needed here.", value.position)
     return value
 
 
@@ -330,7 +344,7 @@ class _Builder(Transformer[Token, Task]):
         return And(tuple(_condition(part, "`and` joins") for part in parts), position=position)
 
     def comparison(self, *parts: _Value | Token) -> Predicate:
-        sides = [_side(cast(_Value, part)) for part in parts[::2]]
+        sides = [_number(cast(_Value, part)) for part in parts[::2]]
         leaves = tuple(
             Comparison(
                 left,
@@ -382,14 +396,3 @@ class _Builder(Transformer[Token, Task]):
             tuple(_number(cast(_Value, argument)) for argument in arguments),
             position=_span(_at(function), _at(cast(Token, close))),
         )
-
-
-def _side(value: _Value) -> Expression:
-    """A side of a comparison."""
-    if isinstance(value, Comparison | And | Or):
-        raise SpecSyntaxError(
-            "a comparison compares numbers, and this side of it is a condition. Join conditions "
-            "with `and` or `or`.",
-            value.position,
-        )
-    return value
