@@ -39,14 +39,13 @@ def merge_infos(infos: dict[str, Any], added: dict[str, Any], mask: Any) -> dict
 
 def without_rows(infos: dict[str, Any], mask: Any) -> dict[str, Any]:
     """Infos in which the rows of a mask count as absent."""
-    return {
-        key: without_rows(value, mask)
-        if isinstance(value, dict)
-        else value & ~mask
-        if key.startswith("_") and key[1:] in infos
-        else value
-        for key, value in infos.items()
-    }
+    kept: dict[str, Any] = {}
+    for key, value in infos.items():
+        if key.startswith("_") and key[1:] in infos:
+            continue
+        kept[key] = without_rows(value, mask) if isinstance(value, dict) else value
+        kept[f"_{key}"] = infos.get(f"_{key}", True) & ~mask
+    return kept
 
 
 def _where(mask: Any, new: Any, old: Any) -> Any:

@@ -75,7 +75,7 @@ class Reader:
                 try:
                     values[name] = read(observation, action, last_action, info)
                 except KeyError as error:
-                    raise _missing(name, info) from error
+                    raise _missing(name, read, info) from error
         return values
 
     def at_reset(
@@ -91,7 +91,7 @@ class Reader:
                 values[name] = given[name] if name in given else read(observation, action, action, info)
             except KeyError as error:
                 if name not in self.initially:
-                    raise _missing(name, info, at_reset=True) from error
+                    raise _missing(name, read, info, at_reset=True) from error
                 values[name] = self.initially[name]
         return values
 
@@ -271,10 +271,21 @@ def _kind(space: gym.Space[Any]) -> str:
     return f"a {type(space).__name__}"
 
 
-def _missing(name: str, info: Mapping[str, Any], *, at_reset: bool = False) -> SignalError:
-    offered = [str(key) for key in (info.get("signals") or info)]
+def _missing(
+    name: str, read: Read, info: Mapping[str, Any], *, at_reset: bool = False
+) -> SignalError:
+    keys: Sequence[str] = getattr(read, "keys", ())
+    path, offered = "info", info
+    for key in keys:
+        if not (isinstance(offered, Mapping) and key in offered):
+            known = [str(k) for k in offered] if isinstance(offered, Mapping) else []
+            hint = did_you_mean(key, known)
+            break
+        path, offered = f"{path}.{key}", offered[key]
+    else:
+        hint, key = "", name
+    advice = " Supply it, or give it a value with `initially`." if at_reset else ""
     return SignalError(
-        f"signal '{name}' is missing{' at reset' if at_reset else ''}: neither its source nor "
-        f'info["signals"]["{name}"] exists.{did_you_mean(name, offered)}'
-        + (" Give it a value with `initially`, or supply it at reset." if at_reset else "")
+        f"signal '{name}' is missing{' at reset' if at_reset else ''}: "
+        f"{path} has no '{key}'.{hint}{advice}"
     )

@@ -1,0 +1,208 @@
+"""The vector wrapper gives what the single wrapper gives, in every autoreset mode."""
+
+from __future__ import annotations
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
+
+from hprs.errors import SignalError, UsageError
+from hprs.wrappers.single import wrap
+from hprs.wrappers.vector import wrap_vector
+from tests.probes import Slider, slider_task
+
+COUNT, STEPS = 5, 60
+MODES = list(AutoresetMode)
+
+
+def actions(seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(-1, 1, (STEPS, COUNT, 1))
+
+
+def episodes(kind: str, end: str) -> list[list[tuple]]:
+    """For each environment, its steps (reward, terminated, truncated, potential, assessment)."""
+    found = []
+    for index in range(COUNT):
+        env = wrap(Slider(), slider_task(kind), end=end, discount=0.9)
+        env.reset(seed=index)
+        steps, reset = [], False
+        for action in actions()[:, index]:
+            if reset:
+                _, info = env.reset()
+                steps.append((0.0, False, False, info["potential"], None, info["margins"]))
+                reset = False
+                continue
+            _, reward, terminated, truncated, info = env.step(action)
+            entry = (reward, terminated, truncated, info["potential"], info.get("assessment"))
+            steps.append((*entry, info["margins"]))
+            reset = terminated or truncated
+        found.append(steps)
+    return found
+
+
+@pytest.mark.parametrize("kind", ["achieve", "conquer"])
+@pytest.mark.parametrize("end", ["paper", "invariant", "released"])
+def test_next_step_mode_equals_single_environments_step_for_step(kind, end):
+    envs = wrap_vector(SyncVectorEnv([Slider] * COUNT), slider_task(kind), end=end, discount=0.9)
+    envs.reset(seed=0)
+    expected = episodes(kind, end)
+    ends = 0
+    for number, action in enumerate(actions()):
+        _, rewards, terminated, truncated, infos = envs.step(action)
+        for index in range(COUNT):
+            reward, own_end, cut, potential, assessment, margins = expected[index][number]
+            assert rewards[index] == pytest.approx(reward, abs=1e-12)
+            assert (terminated[index], truncated[index]) == (own_end, cut)
+            assert infos["potential"][index] == pytest.approx(potential)
+            for label, margin in margins.items():
+                assert infos["margins"][label][index] == pytest.approx(margin)
+            if assessment is not None:
+                ends += 1
+                assert infos["assessment"][index] == assessment
+    assert ends > COUNT
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.SAME_STEP, AutoresetMode.DISABLED])
+def test_other_modes_give_the_same_transitions_without_the_reset_steps(mode):
+    def run(envs, by_hand):
+        observation, _ = envs.reset(seed=3)
+        found = []
+        for action in actions(1):
+            _, rewards, terminated, truncated, infos = envs.step(action)
+            done = terminated | truncated
+            final = infos.get("final_info", {})
+            for index in np.flatnonzero(done):
+                source = final if mode == AutoresetMode.SAME_STEP and not by_hand else infos
+                found.append((index, source["assessment"][index], source["potential"][index]))
+            found.append(rewards.round(12).tolist())
+            if by_hand and done.any():
+                envs.reset(options={"reset_mask": done})
+        return found
+
+    task = slider_task()
+    disabled = SyncVectorEnv([Slider] * COUNT, autoreset_mode=AutoresetMode.DISABLED)
+    reference = run(wrap_vector(disabled, task), True)
+    tested = SyncVectorEnv([Slider] * COUNT, autoreset_mode=mode)
+    assert run(wrap_vector(tested, task), mode == AutoresetMode.DISABLED) == reference
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+def test_wrapping_outside_equals_wrapping_inside_synchronous_environments(mode):
+    task = slider_task()
+    outside = wrap_vector(SyncVectorEnv([Slider] * COUNT, autoreset_mode=mode), task)
+    inside = SyncVectorEnv([lambda: wrap(Slider(), task)] * COUNT, autoreset_mode=mode)
+    outside.reset(seed=7)
+    inside.reset(seed=7)
+    for action in actions(2):
+        mine, theirs = outside.step(action), inside.step(action)
+        for ours, reference in zip(mine[:4], theirs[:4], strict=True):
+            np.testing.assert_allclose(ours, reference, atol=1e-12)
+        assert set(theirs[4]) <= set(mine[4])
+        for key in ("potential", "cost"):
+            np.testing.assert_allclose(mine[4][key], theirs[4][key], atol=1e-12)
+        if "final_info" in theirs[4] and theirs[4]["_final_info"].any():
+            mask = theirs[4]["_final_info"]
+            np.testing.assert_array_equal(mine[4]["_final_info"], mask)
+            ours, reference = mine[4]["final_info"], theirs[4]["final_info"]
+            assert list(ours["assessment"][mask]) == list(reference["assessment"][mask])
+            for index in np.flatnonzero(mask):
+                np.testing.assert_array_equal(mine[4]["final_obs"][index], theirs[4]["final_obs"][index])
+
+
+def test_asynchronous_environments_give_the_same_rewards():
+    class Quiet(Slider):
+        def step(self, action):
+            observation, reward, terminated, truncated, info = super().step(action)
+            return observation, reward, terminated, truncated, info
+
+    task = slider_task()
+    asynchronous = wrap_vector(AsyncVectorEnv([Slider] * 2, autoreset_mode=AutoresetMode.SAME_STEP), task)
+    synchronous = wrap_vector(SyncVectorEnv([Slider] * 2, autoreset_mode=AutoresetMode.SAME_STEP), task)
+    asynchronous.reset(seed=5)
+    synchronous.reset(seed=5)
+    try:
+        for action in actions(3)[:, :2]:
+            for ours, reference in zip(asynchronous.step(action)[:4], synchronous.step(action)[:4], strict=True):
+                np.testing.assert_allclose(ours, reference)
+    finally:
+        asynchronous.close()
+
+
+def cart_pole_task():
+    from hprs.spec.task import Requirement, Signal, Source, Task
+
+    x = Signal("x", -4.8, 4.8, source=Source("obs", (), 0))
+    return Task((x,), (Requirement("ensure", "near", abs(x) <= 0.06), Requirement("conquer", "left", x <= 0)))
+
+
+def test_asynchronous_next_step_resets_what_the_task_ends():
+    make = lambda: gym.make("CartPole-v1")  # noqa: E731
+    task = cart_pole_task()
+    envs = wrap_vector(AsyncVectorEnv([make] * 2), task)
+    reference = wrap_vector(SyncVectorEnv([make] * 2), task)
+    envs.reset(seed=1)
+    reference.reset(seed=1)
+    try:
+        ended = 0
+        for _ in range(60):
+            ours, theirs = envs.step(np.array([1, 0])), reference.step(np.array([1, 0]))
+            for mine, other in zip(ours[:4], theirs[:4], strict=True):
+                np.testing.assert_allclose(mine, other)
+            ended += ours[2].sum()
+        assert ended > 4
+    finally:
+        envs.close()
+
+
+def test_native_vector_environments_are_reset_where_the_task_ends_an_episode():
+    native = gym.make_vec("CartPole-v1", 3)
+    envs = wrap_vector(native, cart_pole_task())
+    envs.reset(seed=0)
+    after_end = []
+    ended = np.zeros(3, bool)
+    for _ in range(60):
+        observation, rewards, terminated, _, _ = envs.step(np.ones(3, int))
+        after_end += [(abs(observation[i, 0]) <= 0.05, rewards[i]) for i in np.flatnonzero(ended)]
+        ended = terminated
+    assert len(after_end) > 4
+    assert all(near and reward == 0.0 for near, reward in after_end)
+
+
+class Unknown(gym.vector.VectorEnv):
+    metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
+    num_envs = 2
+    single_observation_space = observation_space = gym.spaces.Box(-1.0, 1.0, (1,))
+    single_action_space = action_space = gym.spaces.Discrete(2)
+
+
+def test_a_vector_environment_without_single_resets_is_refused_by_name():
+    with pytest.raises(UsageError, match="Unknown cannot reset single sub-environments"):
+        wrap_vector(Unknown(), cart_pole_task())
+    assert wrap_vector(Unknown(), cart_pole_task(), end_on_violation=False)
+
+
+def test_a_missing_info_entry_names_signal_and_sub_environment():
+    class Forgetful(Slider):
+        def step(self, action):
+            *rest, info = super().step(action)
+            return *rest, {"lap": info["lap"]} if self.steps > 2 else info
+
+    envs = wrap_vector(SyncVectorEnv([Slider, Forgetful]), slider_task())
+    envs.reset(seed=0)
+    with pytest.raises(SignalError, match="'force' is missing in sub-environment 1"):
+        for _ in range(5):
+            envs.step(np.zeros((2, 1)))
+
+
+def test_nan_names_signal_step_and_sub_environment():
+    class Broken(Slider):
+        def step(self, action):
+            observation, *rest = super().step(action)
+            return (observation * (np.nan if self.steps == 3 else 1.0), *rest)
+
+    envs = wrap_vector(SyncVectorEnv([Slider, Broken]), slider_task())
+    envs.reset(seed=0)
+    with pytest.raises(SignalError, match="signal 'x' is NaN at step 3 of sub-environment 1"):
+        for _ in range(5):
+            envs.step(np.zeros((2, 1)))
