@@ -107,7 +107,9 @@ class MissingExtraError(UsageError, ImportError):
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """A sentence that suggests the closest known name, or an empty string."""
-    close = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
+    # Its cost grows with number times squared length, and a text may be hostile.
+    comparable = [candidate for candidate in known if len(candidate) <= 40][:1000]
+    close = difflib.get_close_matches(name[:40], comparable, n=1, cutoff=0.6)
     return f" Did you mean '{close[0]}'?" if close else ""
 
 

@@ -71,7 +71,9 @@ def analyse(task: Task) -> Analysis:
     bounds: dict[str, Interval] = {}
     lows: dict[str, tuple[float, ...]] = {}
     for requirement in task.requirements:
-        leaves = [_comparison(leaf, requirement, known) for leaf in comparisons(requirement.predicate)]
+        leaves = [
+            _comparison(leaf, requirement, known) for leaf in comparisons(requirement.predicate)
+        ]
         bounds[requirement.label] = _bound(requirement.predicate, iter(leaves).__next__)
         lows[requirement.label] = tuple(leaf.low for leaf in leaves)
         remarks += _judge(requirement, leaves, bounds[requirement.label], known)
@@ -165,10 +167,16 @@ class _Later:
 
 
 class _UnknownNameError(SpecValidationError):
-    def __init__(self, name: str, known: Mapping[str, Inferred], position: Position | None) -> None:
-        candidates = (*known, *BUILTIN_CONSTANTS)
-        super().__init__(f"unknown name '{name}'.{did_you_mean(name, candidates)}", position)
-        self.name = name
+    name: str = ""
+
+
+def _unknown(
+    name: str, known: Mapping[str, Inferred], position: Position | None
+) -> _UnknownNameError:
+    advice = did_you_mean(name, (*known, *BUILTIN_CONSTANTS))
+    error = _UnknownNameError(f"unknown name '{name}'.{advice}", position)
+    error.name = name
+    return error
 
 
 def _check_name(name: str, taken: Mapping[str, object], position: Position | None) -> None:
@@ -203,7 +211,9 @@ def _signal(signal: Signal, known: Mapping[str, Inferred]) -> Inferred:
     low = _end(signal.low, known, f"the range of {what}")
     high = _end(signal.high, known, f"the range of {what}")
     if not low < high:
-        raise SpecValidationError(f"{what} needs low < high, got [{low:g}, {high:g}].", signal.position)
+        raise SpecValidationError(
+            f"{what} needs low < high, got [{low:g}, {high:g}].", signal.position
+        )
     if signal.initially is not None:
         value = evaluate_constant(signal.initially, known, f"the initial value of {what}")
         if not low <= value <= high:
@@ -232,7 +242,9 @@ def _definition(definition: Definition, known: Mapping[str, Inferred]) -> Inferr
         return inferred
     low, high = _end(definition.low, known, what), _end(definition.high, known, what)
     if not low < high:
-        raise SpecValidationError(f"{what} needs low < high, got [{low:g}, {high:g}].", definition.position)
+        raise SpecValidationError(
+            f"{what} needs low < high, got [{low:g}, {high:g}].", definition.position
+        )
     try:
         tightened = inferred.range.meet(Interval(low, high))
     except DomainError:
@@ -261,7 +273,7 @@ def _look_up(name: str, known: Mapping[str, Inferred], position: Position | None
     if name in BUILTIN_CONSTANTS:
         return Inferred(interval.point(BUILTIN_CONSTANTS[name]), constant=True)
     if name not in known:
-        raise _UnknownNameError(name, known, position)
+        raise _unknown(name, known, position)
     return known[name]
 
 
@@ -283,18 +295,31 @@ def _reduce(node: Call, parts: Sequence[Inferred]) -> Inferred:
             f"{node.function}() reduces one vector or compares several scalars, not a mix of them.",
             node.position,
         )
-    ranges = [part.range for part in parts]
     if vectors:
-        ranges *= vectors[0].length or 1
-    reduced = _defined(node, lambda: _REDUCTIONS[node.function](ranges))
+        length = vectors[0].length or 1
+        reduced = _defined(node, lambda: _reduced(node.function, parts[0].range, length))
+    else:
+        ranges = [part.range for part in parts]
+        reduced = _defined(node, lambda: _REDUCTIONS[node.function](ranges))
     return Inferred(reduced, None, all(part.constant for part in parts))
+
+
+def _reduced(function: str, x: Interval, length: int) -> Interval:
+    """Range of a reduction of a vector whose components lie in `x`."""
+    if function == "sum":
+        return interval.multiply(x, interval.point(float(length)))
+    if function == "norm":
+        return interval.multiply(interval.absolute(x), interval.point(math.sqrt(length)))
+    return x
 
 
 def _defined(node: Binary | Call, operation: Callable[[], Interval]) -> Interval:
     try:
         return operation()
     except DomainError as error:
-        raise SpecValidationError(f"{error}. Bound it with max(), clip() or `let`.", node.position) from None
+        raise SpecValidationError(
+            f"{error}. Bound it with max(), clip() or `let`.", node.position
+        ) from None
 
 
 def _comparison(
@@ -384,8 +409,8 @@ def _judge_parts(requirement: Requirement, leaves: Sequence[Interval]) -> list[R
             if judge(leaf, comparison):
                 remarks.append(
                     Remark(
-                        f"a comparison in requirement '{requirement.label}' is {verdict} satisfied: "
-                        f"its margin lies in {leaf}.",
+                        f"a comparison in requirement '{requirement.label}' is {verdict} "
+                        f"satisfied: its margin lies in {leaf}.",
                         position=comparison.position or requirement.position,
                     )
                 )
@@ -439,7 +464,9 @@ def _judge_whole(task: Task) -> list[Remark]:
     )
     for signal in task.signals:
         if signal.name not in used:
-            remarks.append(Remark(f"signal '{signal.name}' is never used.", position=signal.position))
+            remarks.append(
+                Remark(f"signal '{signal.name}' is never used.", position=signal.position)
+            )
     return remarks
 
 

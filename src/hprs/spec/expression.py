@@ -153,6 +153,10 @@ class Number(Operand):
 
     def __post_init__(self) -> None:
         """Reject what the grammar could not have written."""
+        try:
+            object.__setattr__(self, "value", float(self.value))
+        except OverflowError:
+            object.__setattr__(self, "value", math.inf)
         if not (math.isfinite(self.value) and math.copysign(1.0, self.value) > 0):
             raise SpecValidationError(
                 f"a number must be finite and not negative, got {self.value}.", self.position
@@ -236,6 +240,7 @@ class Call(Operand):
                 f"got {len(self.arguments)}.",
                 self.position,
             )
+        object.__setattr__(self, "arguments", tuple(self.arguments))
         _set_depth(self, *self.arguments)
 
     def expression(self) -> Expression:
@@ -339,14 +344,17 @@ def as_expression(value: ExpressionLike) -> Expression:
     """A Python number as an expression; expressions and signals pass through.
 
     Raises:
-        SpecValidationError: The value is NaN.
+        SpecValidationError: The value is NaN, or an integer too large for a float.
         TypeError: The value is neither a number nor an operand.
     """
     if isinstance(value, Operand):
         return value.expression()
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise TypeError(f"Expected a number or an expression, got {value!r}.")
-    number = float(value)
+    try:
+        number = float(value)
+    except OverflowError:
+        raise SpecValidationError("this number is too large for a float.") from None
     magnitude = Name("inf") if math.isinf(number) else Number(abs(number))
     return Negate(magnitude) if math.copysign(1.0, number) < 0 else magnitude
 

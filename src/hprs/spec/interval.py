@@ -24,6 +24,8 @@ class Interval:
 
     def __post_init__(self) -> None:
         """Reject empty intervals and NaN."""
+        if math.isinf(self.low) and self.low == self.high:
+            raise DomainError("the result is too large for a float")
         if not self.low <= self.high:
             raise DomainError(f"[{self.low:g}, {self.high:g}] is empty")
 
@@ -166,9 +168,13 @@ def cosine(x: Interval) -> Interval:
 
 def tangent(x: Interval) -> Interval:
     """Range of `tan(x)`; everything where a pole lies within."""
+    everything = Interval(-math.inf, math.inf)
+    if x.is_point:
+        return point(math.tan(x.low))
     if x.high - x.low >= math.pi or _multiple_within(x, math.pi / 2, math.pi):
-        return Interval(-math.inf, math.inf)
-    return Interval(math.tan(x.low), math.tan(x.high))
+        return everything
+    low, high = math.tan(x.low), math.tan(x.high)
+    return Interval(low, high) if low <= high else everything
 
 
 def arctangent(y: Interval, x: Interval) -> Interval:
@@ -243,7 +249,9 @@ def _sign(value: float) -> float:
 
 
 def _multiple_within(x: Interval, offset: float, period: float) -> bool:
-    """Whether `offset + k * period` lies in `x` for an integer k."""
+    """Whether `offset + k * period` lies in `x` for an integer k, or may, as far as floats tell."""
+    if max(abs(x.low), abs(x.high)) > 1e6:
+        return True
     return math.floor((x.high - offset) / period) >= math.ceil((x.low - offset) / period)
 
 

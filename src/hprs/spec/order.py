@@ -30,9 +30,7 @@ def order_of(task: Task) -> Order:
             a cycle.
     """
     rank = {r.label: _RANK[r.requirement_class] for r in task.requirements}
-    above = {
-        label: {other for other in rank if rank[other] < rank[label]} for label in rank
-    }
+    above = {label: {other for other in rank if rank[other] < rank[label]} for label in rank}
     for preference in task.preferences:
         _check(preference, rank)
         higher, lower = preference.higher, preference.lower

@@ -55,6 +55,8 @@ MAX_BRACKETS = 200
 """Deepest nesting of brackets; a printed expression of depth `MAX_DEPTH` stays below it."""
 MAX_DIGITS = 400
 """Longest number, in characters."""
+MAX_NAME = 100
+"""Longest name, in characters."""
 
 _Value: TypeAlias = Expression | Predicate
 _Slice: TypeAlias = tuple[int | None, int | None]
@@ -198,6 +200,11 @@ def _checked(token: Token, last: Token | None, opened: list[Token]) -> Token:
                     f"a number may have {MAX_DIGITS} digits, and this one has {len(token)}.",
                     _at(token),
                 )
+        case "NAME" if len(token) > MAX_NAME:
+            raise SpecSyntaxError(
+                f"a name may have {MAX_NAME} characters, and this one has {len(token)}.",
+                _at(token),
+            )
         case _:
             if last is not None and last.type == "DOT" and token in KEYWORDS:
                 return Token.new_borrow_pos("NAME", token, token)

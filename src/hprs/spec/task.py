@@ -48,6 +48,9 @@ ROOTS = ("obs", "action", "last_action", "info")
 ENV_REWARD = "env_reward"
 """Reserved name under which the environment's own reward travels among the signals."""
 
+MAX_REQUIREMENTS = 500
+"""Most requirements, and most preferences; the order grows with their square."""
+
 RESERVED = KEYWORDS | frozenset(BUILTIN_CONSTANTS) | frozenset(FUNCTIONS) | {ENV_REWARD}
 
 
@@ -73,6 +76,15 @@ class Source:
             raise SpecValidationError(
                 f"a source reads {', '.join(ROOTS)}, not '{self.root}'.", self.position
             )
+        for key in self.keys:
+            if not (key.isidentifier() and key.isascii()):
+                raise SpecValidationError(
+                    f"the key '{key}' of a source is not a name; read it with a function instead.",
+                    self.position,
+                )
+        ends = self.index if isinstance(self.index, tuple) else (self.index,)
+        if any(end is not None and abs(end) > 1_000_000 for end in ends):
+            raise SpecValidationError("an index goes from -1000000 to 1000000.", self.position)
         if self.root == "info" and not self.keys:
             raise SpecValidationError(
                 "info is a dictionary: name its entry, as in info.progress.", self.position
@@ -189,9 +201,7 @@ class Definition(Operand):
         """Accept plain numbers in the range."""
         object.__setattr__(self, "value", as_expression(self.value))
         if (self.low is None) != (self.high is None):
-            raise SpecValidationError(
-                f"the range of '{self.name}' needs both ends.", self.position
-            )
+            raise SpecValidationError(f"the range of '{self.name}' needs both ends.", self.position)
         if self.low is not None and self.high is not None:
             object.__setattr__(self, "low", as_expression(self.low))
             object.__setattr__(self, "high", as_expression(self.high))
@@ -254,7 +264,27 @@ class Task:
         """Freeze sequences into tuples and check the whole task."""
         for name in ("signals", "requirements", "constants", "definitions", "preferences"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
-        assert self.analysis is not None and self.order is not None
+        if len(self.requirements) > MAX_REQUIREMENTS:
+            raise SpecValidationError(
+                f"a task may have {MAX_REQUIREMENTS} requirements, got {len(self.requirements)}.",
+                self.requirements[MAX_REQUIREMENTS].position,
+            )
+        if len(self.preferences) > MAX_REQUIREMENTS:
+            raise SpecValidationError(
+                f"a task may have {MAX_REQUIREMENTS} preferences, got {len(self.preferences)}.",
+                self.preferences[MAX_REQUIREMENTS].position,
+            )
+        _ = (self.analysis, self.order)
+
+    def __reduce__(self) -> tuple[type[Task], tuple[Any, ...]]:
+        """Pickle the fields alone: a cached hash means nothing in another process."""
+        return Task, (
+            self.signals,
+            self.requirements,
+            self.constants,
+            self.definitions,
+            self.preferences,
+        )
 
     def __hash__(self) -> int:
         """Structural hash, computed once: tasks are keys of caches."""
@@ -299,9 +329,7 @@ class Task:
     @property
     def bounds(self) -> Mapping[str, tuple[float, float]]:
         """Label to (l, u), the smallest and largest margin that the signals' ranges allow."""
-        return {
-            label: (bound.low, bound.high) for label, bound in self.analysis.bounds.items()
-        }
+        return {label: (bound.low, bound.high) for label, bound in self.analysis.bounds.items()}
 
     def margins(self, signals: Mapping[str, Any]) -> dict[str, Any]:
         """Label to margin f in a state or a batch of states; positive where satisfied.
