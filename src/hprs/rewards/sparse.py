@@ -31,6 +31,4 @@ class Sparse:
 def base_reward(task: Task, evaluation: Evaluation) -> Array:
     """R(s, a, s') from the evaluation of s'."""
     row = plan_of(task).target_row
-    if row is None:
-        return evaluation.potential * 0.0
-    return as_number(evaluation.satisfied[row])
+    return evaluation.potential * 0.0 if row is None else as_number(evaluation.satisfied[row])

@@ -135,14 +135,33 @@ class Plan:
     def float_potential(self) -> Callable[[Sequence[float]], float]:
         """The potential from the rows' scores."""
         groups = [(_picker(group.above), _picker(group.members)) for group in self.groups]
+        prod = math.prod
 
-        def potential(scores: Sequence[float]) -> float:
+        def general(scores: Sequence[float]) -> float:
             total = 0.0
             for above, members in groups:
-                total += math.prod(above(scores)) * sum(members(scores))
+                total += prod(above(scores)) * sum(members(scores))
             return total
 
-        return potential
+        def chain(scores: Sequence[float]) -> float:
+            # Every group lies below all groups before it: one running product is its weight.
+            total, weight = 0.0, 1.0
+            for _, members in groups:
+                own = members(scores)
+                total += weight * sum(own)
+                weight *= prod(own)
+            return total
+
+        return chain if self._is_chain else general
+
+    @property
+    def _is_chain(self) -> bool:
+        before: set[int] = set()
+        for group in self.groups:
+            if set(group.above) != before:
+                return False
+            before |= set(group.members)
+        return True
 
     def array_margins(self, xp: ModuleType) -> Margins:
         """Margins of the leaves over arrays of a namespace."""

@@ -100,7 +100,7 @@ def infer(expression: Expression, known: Mapping[str, Inferred]) -> Inferred:
             parts = (infer(left, known), infer(right, known))
             operation = _BINARY[operator]
             if operator == "*" and left == right:
-                operation = lambda x, _: interval.square(x)  # noqa: E731
+                operation = _square
             return _apply(expression, parts, lambda: operation(parts[0].range, parts[1].range))
         case Call(function, arguments):
             parts = tuple(infer(argument, known) for argument in arguments)
@@ -470,6 +470,14 @@ def _judge_whole(task: Task) -> list[Remark]:
     return remarks
 
 
+def _square(x: Interval, _: Interval) -> Interval:
+    return interval.square(x)
+
+
+def _hypot(x: Interval, y: Interval) -> Interval:
+    return interval.norm((x, y))
+
+
 _BINARY: Mapping[str, Callable[[Interval, Interval], Interval]] = {
     "+": interval.add,
     "-": interval.subtract,
@@ -487,7 +495,7 @@ _FUNCTIONS: Mapping[str, Callable[..., Interval]] = {
     "cos": interval.cosine,
     "tan": interval.tangent,
     "atan2": interval.arctangent,
-    "hypot": lambda x, y: interval.norm((x, y)),
+    "hypot": _hypot,
     "sign": interval.sign,
 }
 _REDUCTIONS: Mapping[str, Callable[[Sequence[Interval]], Interval]] = {

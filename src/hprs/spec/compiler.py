@@ -56,6 +56,9 @@ class _Compiler:
         inferred = infer(node, self._known)
         if inferred.constant:
             return _Compiled(None, inferred.range.low, None)
+        quick = self._of_one_signal(node)
+        if quick is not None:
+            return _Compiled(quick, 0.0, inferred.length)
         match node:
             case Name(name):
                 return _Compiled(operator.itemgetter(name), 0.0, inferred.length)
@@ -70,6 +73,28 @@ class _Compiler:
                 return _Compiled(self._call(name, parts, inferred), 0.0, inferred.length)
             case Number():  # pragma: no cover - numbers are constant
                 raise AssertionError(node)
+
+    def _of_one_signal(self, node: Expression) -> Function | None:
+        """A single closure for `c - abs(x)`, `c - x` and `x - c`, by far the most common margins."""
+        match node:
+            case Binary("-", Name(name), right) if not self._known_constant(node.left):
+                constant = self._constant(right)
+                return None if constant is None else lambda v: v[name] - constant
+            case Binary("-", left, Name(name)) if not self._known_constant(node.right):
+                constant = self._constant(left)
+                return None if constant is None else lambda v: constant - v[name]
+            case Binary("-", left, Call("abs", (Name(name),))):
+                constant = self._constant(left)
+                return None if constant is None else lambda v: constant - abs(v[name])
+            case _:
+                return None
+
+    def _constant(self, node: Expression) -> float | None:
+        inferred = infer(node, self._known)
+        return inferred.range.low if inferred.constant else None
+
+    def _known_constant(self, node: Expression) -> bool:
+        return self._constant(node) is not None
 
     def _binary(
         self, symbol: BinaryOperator, left: _Compiled, right: _Compiled, result: Inferred
@@ -91,6 +116,8 @@ class _Compiler:
             inner = _function(parts[0])
             if name in REDUCTIONS and parts[0].length is None:
                 return self._call("abs", parts, result) if name == "norm" else inner
+            if name == "abs":
+                return lambda v: abs(inner(v))
             if name in REDUCTIONS:
                 operation = self._vector[f"reduce {name}"]
             else:
@@ -115,6 +142,14 @@ class _Compiler:
             parts = sorted(parts, key=lambda part: part.function is None)
         functions = [self._aligned(part, result) for part in parts]
         constants = [part.constant for part in parts]
+        if len(parts) == 2:
+            f, g = functions
+            a, b = constants
+            if f is not None and g is not None:
+                return lambda v: operation(f(v), g(v))
+            if f is not None:
+                return lambda v: operation(f(v), b)
+            return lambda v: operation(a, _call(g, v))
         pairs = list(zip(functions, constants, strict=True))
         return lambda v: operation(*[c if f is None else f(v) for f, c in pairs])
 

@@ -383,4 +383,4 @@ def names(node: Expression | Predicate) -> frozenset[str]:
         case Binary(_, left, right) | Comparison(left, _, right):
             return names(left) | names(right)
         case Call(_, parts) | And(parts) | Or(parts):
-            return frozenset().union(*map(names, parts))
+            return frozenset[str]().union(*map(names, parts))

@@ -111,17 +111,15 @@ def _extremum(xp: ModuleType, function: Callable[[Array, Array], Array]) -> Call
     return lambda first, *others: reduce(pairwise, others, first)
 
 
-def _minimum(first: float, *others: float) -> float:
-    for other in others:
-        # NaN propagates, as in NumPy; Python's min() would drop it.
-        first = first if first < other or first != first else other
-    return first
+def _minimum(a: float, b: float, *others: float) -> float:
+    # NaN propagates, as in NumPy; Python's min() would drop it.
+    least = a if a < b or a != a else b
+    return _minimum(least, *others) if others else least
 
 
-def _maximum(first: float, *others: float) -> float:
-    for other in others:
-        first = first if first > other or first != first else other
-    return first
+def _maximum(a: float, b: float, *others: float) -> float:
+    most = a if a > b or a != a else b
+    return _maximum(most, *others) if others else most
 
 
 def _divide(a: float, b: float) -> float:

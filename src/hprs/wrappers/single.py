@@ -99,8 +99,8 @@ class TaskWrapper(gym.Wrapper[Any, Any, Any, Any]):
         self._reads_last_action = self._reader.reads_last_action
         self._in_order = self._plan.labels == task.labels
         self._zero_action = zero_action(env.action_space)
-        self._end_on_violation = end_on_violation
-        self._end_on_target = end_on_target
+        self._end_on_violation = end_on_violation and self._plan.safety_count > 0
+        self._end_on_target = end_on_target and self._plan.achieves
         self._memory: Any = None
         self._tally: assessment.Tally | None = None
         self._last_action: Any = self._zero_action
@@ -118,7 +118,8 @@ class TaskWrapper(gym.Wrapper[Any, Any, Any, Any]):
         values = EvaluatedSignals(self._reader.at_reset(observation, self._zero_action, info))
         self._to_floats(values, 0)
         evaluation = evaluate_floats(self._plan, values)
-        self._check(evaluation, 0)
+        if evaluation.potential != evaluation.potential:
+            raise nan_margin(self._plan.by_label(evaluation.margins), 0)
         self._tally = assessment.start(self._plan, evaluation.satisfied)
         values.task, values.evaluation = self.task, evaluation
         self._memory = self.reward.init(values)
@@ -138,7 +139,8 @@ class TaskWrapper(gym.Wrapper[Any, Any, Any, Any]):
         values = self._reader.read_floats(observation, action, self._last_action, info)
         self._to_floats(values, step)
         evaluation = evaluate_floats(plan, values)
-        self._check(evaluation, step)
+        if evaluation.potential != evaluation.potential:
+            raise nan_margin(plan.by_label(evaluation.margins), step)
         self._tally = tally = assessment.advance(plan, tally, evaluation.satisfied)
         if (self._end_on_violation and not assessment.is_safe(tally)) or (
             self._end_on_target and assessment.achieved(plan, tally)
@@ -185,10 +187,6 @@ class TaskWrapper(gym.Wrapper[Any, Any, Any, Any]):
             if np.isnan(value).any():
                 raise SignalError(f"signal '{name}' is NaN at step {step}.")
             self._outside[name] = self._outside.get(name, 0) + 1
-
-    def _check(self, evaluation: Evaluation, step: int) -> None:
-        if evaluation.potential != evaluation.potential:
-            raise nan_margin(self._plan.by_label(evaluation.margins), step)
 
     def _probe(self) -> None:
         """Reset once, without disturbing the environment's generator."""

@@ -1,0 +1,84 @@
+"""One table of the benchmarks, and their registration with Gymnasium."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import resources
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from hprs.spec.task import Task
+
+TASK_FILE = "task.hprs"
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """An environment of ours and its task."""
+
+    id: str
+    """Gymnasium's name of the bare environment, without the task."""
+    package: str
+    """The package that holds `env.py` and the task file."""
+    entry_point: str
+    """The environment's class, as `module:name`."""
+    horizon: int
+    """Steps after which an episode is truncated."""
+    description: str
+    """One line for people who choose."""
+    vector_entry_point: str | None = None
+    """A vectorised version of it, where there is one."""
+
+
+BENCHMARKS: Mapping[str, Benchmark] = MappingProxyType(
+    {
+        benchmark.id: benchmark
+        for benchmark in (
+            Benchmark(
+                id="hprs/CartPole-v0",
+                package="hprs.envs.cart_pole",
+                entry_point="hprs.envs.cart_pole.env:CartPole",
+                horizon=500,
+                description="keep a pole up and park its cart on a mark",
+                vector_entry_point="hprs.envs.cart_pole.env:CartPoleVector",
+            ),
+        )
+    }
+)
+"""Environment id to benchmark; the only place that lists them."""
+
+
+def register() -> None:
+    """Register the benchmarks with Gymnasium; a second call does nothing."""
+    # Gymnasium may call this while it is being imported itself, hence no import at the top.
+    from gymnasium.envs.registration import register as register_environment
+    from gymnasium.envs.registration import registry
+
+    for benchmark in BENCHMARKS.values():
+        if benchmark.id not in registry:
+            register_environment(
+                benchmark.id,
+                entry_point=benchmark.entry_point,
+                vector_entry_point=benchmark.vector_entry_point,
+                max_episode_steps=benchmark.horizon,
+            )
+
+
+def task_text_of(environment: str) -> str | None:
+    """The text of a benchmark's task; None for an environment that is not ours."""
+    benchmark = BENCHMARKS.get(environment)
+    if benchmark is None:
+        return None
+    return resources.files(benchmark.package).joinpath(TASK_FILE).read_text(encoding="utf-8")
+
+
+def task_of(environment: str) -> Task | None:
+    """The task of a benchmark; None for an environment that is not ours."""
+    text = task_text_of(environment)
+    if text is None:
+        return None
+    from hprs.spec.parser import parse_task
+
+    return parse_task(text, path=f"{environment}/{TASK_FILE}")

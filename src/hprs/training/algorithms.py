@@ -1,0 +1,250 @@
+"""The learning algorithms and their hyper-parameters, as data.
+
+A value is looked up in this order: `--set` on the command line, the table of the environment, the
+table of the algorithm, the default of Stable-Baselines3.
+"""
+
+from __future__ import annotations
+
+import difflib
+import json
+import types
+import typing
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+from hprs.errors import UsageError, did_you_mean
+
+
+@dataclass(frozen=True)
+class Algorithm:
+    """An algorithm of Stable-Baselines3."""
+
+    name: str
+    """Its name on the command line."""
+    class_name: str
+    """Its name in `stable_baselines3`."""
+    spaces: tuple[str, ...]
+    """The action spaces it can handle."""
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    """Hyper-parameters that differ from Stable-Baselines3's defaults."""
+
+
+_ANY_ACTION = ("Box", "Discrete", "MultiDiscrete", "MultiBinary")
+
+ALGORITHMS: Mapping[str, Algorithm] = MappingProxyType(
+    {
+        algorithm.name: algorithm
+        for algorithm in (
+            # Stable-Baselines3 would collect 2,048 steps of each of the 8 environments.
+            Algorithm("ppo", "PPO", _ANY_ACTION, {"environments": 8, "n_steps": 256}),
+            Algorithm("a2c", "A2C", _ANY_ACTION, {"environments": 8}),
+            # A step of HPRS is worth 0.01 to 0.1. The customary initial entropy coefficient of 1
+            # drowns it: a car then stands still for 30,000 steps, and laps after 5,000 with 0.02.
+            Algorithm("sac", "SAC", ("Box",), {"ent_coef": "auto_0.02", "scale_reward": False}),
+            Algorithm("td3", "TD3", ("Box",), {"action_noise": 0.1, "scale_reward": False}),
+            Algorithm("ddpg", "DDPG", ("Box",), {"action_noise": 0.1, "scale_reward": False}),
+            Algorithm("dqn", "DQN", ("Discrete",), {"scale_reward": False}),
+        )
+    }
+)
+"""Name to algorithm; the only place that lists them."""
+
+DEFAULT_ALGORITHMS: Mapping[str, str] = MappingProxyType({"Box": "sac"})
+"""Kind of action space to the algorithm taken there; PPO for all others."""
+
+OURS: Mapping[str, tuple[Any, Any, str]] = MappingProxyType(
+    {
+        "environments": (int, 1, "environments that are stepped side by side"),
+        "net_arch": (list[int], (64, 64), "hidden layers of the networks"),
+        "scale_reward": (bool, True, "divide rewards by the running deviation of the return"),
+        "action_noise": (float, 0.0, "deviation of the noise added to actions, in their unit"),
+        "threads": (int, 1, "threads of PyTorch; more than one slows small networks down"),
+    }
+)
+"""Hyper-parameters that are not arguments of the algorithm: type, default, meaning."""
+
+ENVIRONMENTS: Mapping[tuple[str, str], Mapping[str, Any]] = MappingProxyType(
+    {
+        ("hprs/CartPole-v0", "ppo"): {
+            "n_steps": 128,
+            "batch_size": 256,
+            "learning_rate": "linear_0.001",
+        },
+    }
+)
+"""(Environment id, algorithm) to the hyper-parameters tuned for it."""
+
+STEPS: Mapping[str, int] = MappingProxyType({"hprs/CartPole-v0": 300_000})
+"""Environment id to the length of a training that suffices."""
+
+DEFAULT_STEPS = 1_000_000
+
+_POSITIVE = frozenset(
+    {"environments", "threads", "n_steps", "batch_size", "n_epochs", "buffer_size", "learning_rate"}
+)
+_SCHEDULE = "linear_"
+
+
+@dataclass(frozen=True)
+class Linear:
+    """A hyper-parameter that falls linearly from `start` to 0 over a training."""
+
+    start: float
+
+    def __call__(self, remaining: float) -> float:
+        """The value while this fraction of the training remains."""
+        return self.start * remaining
+
+
+def find_algorithm(name: str | None, action_space: str) -> Algorithm:
+    """An algorithm by name, or the default of an action space.
+
+    Args:
+        name: A key of `ALGORITHMS`, or None.
+        action_space: The class of the action space, as in "Box".
+
+    Raises:
+        UsageError: There is no such algorithm, or it cannot handle the action space.
+    """
+    name = name or DEFAULT_ALGORITHMS.get(action_space, "ppo")
+    algorithm = ALGORITHMS.get(name.lower())
+    if algorithm is None:
+        raise UsageError(
+            f"unknown algorithm '{name}'; choose one of {', '.join(ALGORITHMS)}."
+            f"{did_you_mean(name.lower(), ALGORITHMS)}"
+        )
+    if action_space not in algorithm.spaces:
+        able = [other.name for other in ALGORITHMS.values() if action_space in other.spaces]
+        raise UsageError(
+            f"{algorithm.name} cannot handle actions of a {action_space} space; "
+            + (f"choose one of {', '.join(able)}." if able else "no algorithm can.")
+        )
+    return algorithm
+
+
+def parse_settings(settings: Sequence[str]) -> dict[str, Any]:
+    """The pairs of `--set KEY=VALUE`; a value is a JSON value, anything else is text.
+
+    Raises:
+        UsageError: One is not a pair, or a key is given twice.
+    """
+    found: dict[str, Any] = {}
+    for setting in settings:
+        key, equals, text = (part.strip() for part in setting.partition("="))
+        if not equals or not key:
+            raise UsageError(f"--set takes KEY=VALUE, got '{setting}'.")
+        if key in found:
+            raise UsageError(f"--set {key} is given twice.")
+        try:
+            found[key] = json.loads(text)
+        except json.JSONDecodeError:
+            found[key] = {"True": True, "False": False, "None": None}.get(text, text)
+    return found
+
+
+def resolve_parameters(
+    algorithm: Algorithm,
+    environment: str,
+    overrides: Mapping[str, Any],
+    own: Mapping[str, tuple[Any, Any]],
+) -> dict[str, Any]:
+    """All hyper-parameters of a training, checked.
+
+    Args:
+        algorithm: The algorithm.
+        environment: The environment's id.
+        overrides: What the user sets.
+        own: The algorithm's own arguments: name to type and default.
+
+    Raises:
+        UsageError: A name is unknown, or a value has the wrong type or is out of range.
+    """
+    known = {**own, **{name: (kind, value) for name, (kind, value, _) in OURS.items()}}
+    for name, value in overrides.items():
+        if name not in known:
+            raise UsageError(
+                f"{algorithm.name} has no hyper-parameter '{name}'."
+                f"{did_you_mean(name, known) or _similar(name, known)}"
+            )
+        _check(algorithm.name, name, value, known[name][0])
+    chosen = {name: default for name, (_, default) in known.items()}
+    chosen |= algorithm.parameters
+    chosen |= ENVIRONMENTS.get((environment, algorithm.name), {})
+    chosen |= overrides
+    return {name: list(v) if isinstance(v, tuple) else v for name, v in sorted(chosen.items())}
+
+
+def schedule(value: Any) -> Any:
+    """A hyper-parameter as Stable-Baselines3 takes it: "linear_0.001" becomes a function."""
+    if isinstance(value, str) and value.startswith(_SCHEDULE):
+        return Linear(float(value.removeprefix(_SCHEDULE)))
+    return value
+
+
+def _similar(name: str, known: Mapping[str, Any]) -> str:
+    close = difflib.get_close_matches(name, known, n=3, cutoff=0.3)
+    return f" It has {', '.join(sorted(known))}." if not close else f" Close are {', '.join(close)}."
+
+
+def _check(algorithm: str, name: str, value: Any, kind: Any) -> None:
+    if not _accepts(value, kind):
+        raise UsageError(
+            f"{algorithm}'s {name} must be {_describe(kind)}, got {json.dumps(value)}."
+        )
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if name in _POSITIVE and number and value <= 0:
+        raise UsageError(f"{algorithm}'s {name} must be positive, got {value}.")
+    if name == "gamma" and number and not 0.0 < value <= 1.0:
+        raise UsageError(f"{algorithm}'s gamma, the discount, must lie in (0, 1], got {value}.")
+
+
+def _accepts(value: Any, kind: Any) -> bool:
+    """Whether a JSON value can stand where an annotation is written."""
+    origin, arguments = typing.get_origin(kind), typing.get_args(kind)
+    if origin in (typing.Union, types.UnionType):
+        return any(_accepts(value, option) for option in arguments)
+    if origin is Callable:
+        return isinstance(value, str) and _is_schedule(value)
+    if origin in (list, tuple):
+        return isinstance(value, list) and (
+            origin is tuple or all(_accepts(item, arguments[0]) for item in value)
+        )
+    if origin is dict:
+        return isinstance(value, dict)
+    if kind is float:
+        return isinstance(value, int | float) and not isinstance(value, bool)
+    if kind is int:
+        return isinstance(value, int) and not isinstance(value, bool)
+    return kind in (bool, str, type(None)) and isinstance(value, kind)
+
+
+def _is_schedule(value: str) -> bool:
+    try:
+        return value.startswith(_SCHEDULE) and float(value.removeprefix(_SCHEDULE)) > 0.0
+    except ValueError:
+        return False
+
+
+_WORDS: Mapping[Any, str] = {
+    int: "a whole number",
+    float: "a number",
+    bool: "true or false",
+    str: "text",
+    type(None): "null",
+}
+
+
+def _describe(kind: Any) -> str:
+    origin, arguments = typing.get_origin(kind), typing.get_args(kind)
+    if origin in (typing.Union, types.UnionType):
+        return " or ".join(dict.fromkeys(_describe(option) for option in arguments))
+    if origin is Callable:
+        return "a schedule like linear_0.001"
+    if origin in (list, tuple):
+        return "a list like [64, 64]" if origin is list else 'a list like [1, "episode"]'
+    if origin is dict:
+        return "a JSON object"
+    return _WORDS.get(kind, str(kind))

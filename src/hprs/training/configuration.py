@@ -1,0 +1,81 @@
+"""Everything that determines a training, as frozen data."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from functools import cached_property
+from typing import Any
+
+from hprs.errors import RunError
+from hprs.rewards.hierarchical import End
+from hprs.spec.json_format import task_to_json
+from hprs.spec.parser import parse_task
+from hprs.spec.task import Task
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """One training with one seed."""
+
+    environment: str
+    """Gymnasium id, `module:id` for an environment that a module registers."""
+    task_text: str
+    """The task, as its file says it."""
+    algorithm: str
+    """A key of `ALGORITHMS`."""
+    parameters: Mapping[str, Any]
+    """All hyper-parameters of the algorithm."""
+    steps: int
+    """Environment steps of the whole training."""
+    reward: str = "hprs"
+    """A key of `REWARDS`."""
+    end: End = "paper"
+    """End-of-episode convention of the shaping."""
+    horizon: int | None = None
+    """Steps after which an episode is truncated; None: the environment's own horizon."""
+    evaluation_interval: int = 10_000
+    """Environment steps between two evaluations."""
+    evaluation_episodes: int = 10
+    """Episodes of an evaluation."""
+    seed: int = 0
+    """Seed of the training."""
+
+    @cached_property
+    def task(self) -> Task:
+        """The task."""
+        return parse_task(self.task_text, path=f"task of {self.environment}")
+
+    @property
+    def discount(self) -> float | None:
+        """The learner's discount, which invariant shaping must share."""
+        return self.parameters.get("gamma")
+
+    @property
+    def digest(self) -> str:
+        """Eight hexadecimal digits that differ where numbers can; the seed is left out."""
+        content = self.to_json()
+        del content["seed"]
+        # The task's meaning, not its text: a comment changes no number.
+        content["task_text"] = task_to_json(self.task)
+        text = json.dumps(content, sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()[:8]
+
+    def to_json(self) -> dict[str, Any]:
+        """The configuration as a JSON object."""
+        return {**asdict(self), "parameters": dict(self.parameters)}
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> Configuration:
+        """The inverse of `to_json`.
+
+        Raises:
+            RunError: Fields are missing or unknown.
+        """
+        known = {field.name for field in fields(cls)}
+        if set(content) != known:
+            different = ", ".join(sorted(set(content) ^ known))
+            raise RunError(f"it was written by another version of hprs: {different}.")
+        return cls(**content)

@@ -1,0 +1,136 @@
+"""Finds environments and tasks by name, and puts one on the other."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+
+import hprs.envs
+from hprs.errors import MissingExtraError, UsageError, did_you_mean
+from hprs.rewards.hierarchical import End
+from hprs.spec.parser import load_task, parse_task
+from hprs.spec.task import Task
+from hprs.training.configuration import Configuration
+from hprs.wrappers.single import TaskWrapper, wrap
+
+TASK_SUFFIX = ".hprs"
+
+
+def make_bare(environment: str, *, horizon: int | None = None, **options: Any) -> gym.Env[Any, Any]:
+    """An environment without a task.
+
+    Args:
+        environment: Gymnasium id; `module:id` imports the module first.
+        horizon: Truncate episodes after this many steps; None: as registered.
+        **options: Passed to `gymnasium.make`.
+
+    Raises:
+        UsageError: There is no such environment.
+    """
+    module, colon, name = environment.rpartition(":")
+    if colon:
+        _import(module, environment)
+    try:
+        return gym.make(name, max_episode_steps=horizon, **options)
+    except gym.error.DependencyNotInstalled as error:
+        raise UsageError(f"{environment} needs a package that is not installed: {error}") from None
+    except (gym.error.UnregisteredEnv, gym.error.NameNotFound, gym.error.NamespaceNotFound) as error:
+        raise UsageError(
+            f"unknown environment '{environment}'."
+            f"{did_you_mean(name, gym.registry) or ' `hprs tasks` lists the built-in ones.'}"
+        ) from error
+
+
+def make_environment(
+    environment: str,
+    task: Task,
+    reward: str = "hprs",
+    *,
+    end: End = "paper",
+    discount: float | None = None,
+    horizon: int | None = None,
+    **options: Any,
+) -> TaskWrapper:
+    """An environment with a task on it.
+
+    Raises:
+        UsageError: The environment or the reward is unknown.
+        SignalError: The environment lacks a signal of the task.
+    """
+    bare = make_bare(environment, horizon=horizon, **options)
+    return wrap(bare, task, reward, end=end, discount=discount)
+
+
+def make_configured(configuration: Configuration, **options: Any) -> TaskWrapper:
+    """The environment of a training."""
+    return make_environment(
+        configuration.environment,
+        configuration.task,
+        configuration.reward,
+        end=configuration.end,
+        discount=configuration.discount,
+        horizon=configuration.horizon,
+        **options,
+    )
+
+
+def find_task(environment: str, path: str | None = None) -> tuple[Task, str]:
+    """A task and its text: from a file, or the benchmark's own.
+
+    Raises:
+        UsageError: There is no such file, or the environment has no task of its own.
+        SpecError: The task is wrong.
+    """
+    if path is not None:
+        return read_task(path)
+    text = hprs.envs.task_text_of(environment)
+    if text is None:
+        raise UsageError(
+            f"'{environment}' has no task of its own. Give it one: --task FILE{TASK_SUFFIX}"
+        )
+    return parse_task(text, path=environment), text
+
+
+def read_task(path: str) -> tuple[Task, str]:
+    """A task file, parsed and as text.
+
+    Raises:
+        UsageError: There is no such file.
+        SpecError: The task is wrong.
+    """
+    file = Path(path)
+    if not file.exists():
+        folder = file.parent
+        near = [str(folder / other.name) for other in folder.glob(f"*{TASK_SUFFIX}")]
+        raise UsageError(f"there is no task file '{path}'.{did_you_mean(str(file), near)}")
+    return load_task(file), file.read_text(encoding="utf-8-sig")
+
+
+def _import(module: str, environment: str) -> None:
+    # Users keep environments beside their tasks, and an installed command does not look there.
+    if "" not in sys.path and str(Path.cwd()) not in sys.path:
+        sys.path.insert(0, "")
+    try:
+        importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        raise UsageError(
+            f"unknown environment '{environment}': there is no module '{error.name}'."
+        ) from None
+
+
+def require(package: str, extra: str) -> Any:
+    """Import an optional package.
+
+    Raises:
+        MissingExtraError: It is not installed.
+    """
+    try:
+        return importlib.import_module(package)
+    except ModuleNotFoundError as error:
+        if error.name != package:
+            raise
+        raise MissingExtraError(package.replace("_", "-"), extra) from None
