@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal, TypeAlias, get_args
 
 from hprs.errors import UsageError, did_you_mean
 from hprs.rewards.sparse import base_reward
 from hprs.semantics.evaluation import Signals, evaluate
+from hprs.semantics.plan import plan_of
 from hprs.spec.namespace import Array, select
 from hprs.spec.task import Task
 
@@ -54,6 +56,10 @@ class Hierarchical:
         if self.discount is not None and not 0.0 < self.discount <= 1.0:
             raise UsageError(f"discount must lie in (0, 1], got {self.discount}.")
 
+    @cached_property
+    def _target_row(self) -> int | None:
+        return plan_of(self.task).target_row
+
     def init(self, signals: Signals) -> Array:
         """Psi(s_0)."""
         return evaluate(self.task, signals).potential
@@ -72,4 +78,4 @@ class Hierarchical:
             shaping = potential - memory
             if self.end == "released":
                 shaping = select(terminated | truncated, shaping * 0.0, shaping)
-        return potential, base_reward(self.task, evaluation) + shaping
+        return potential, base_reward(self._target_row, evaluation) + shaping

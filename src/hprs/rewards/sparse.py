@@ -25,10 +25,11 @@ class Sparse:
     ) -> tuple[None, Array]:
         """1 where the target's predicate holds in the state reached."""
         del memory, terminated, truncated
-        return None, base_reward(self.task, evaluate(self.task, signals))
+        return None, base_reward(plan_of(self.task).target_row, evaluate(self.task, signals))
 
 
-def base_reward(task: Task, evaluation: Evaluation) -> Array:
-    """R(s, a, s') from the evaluation of s'."""
-    row = plan_of(task).target_row
-    return evaluation.potential * 0.0 if row is None else as_number(evaluation.satisfied[row])
+def base_reward(target_row: int | None, evaluation: Evaluation) -> Array:
+    """R(s, a, s') from the evaluation of s'; the row of the target is None where there is none."""
+    if target_row is None:
+        return evaluation.potential * 0.0
+    return as_number(evaluation.satisfied[target_row])

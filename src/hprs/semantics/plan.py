@@ -80,7 +80,10 @@ class Plan:
 
     def float_margins(self, signals: Mapping[str, float]) -> tuple[list[float], list[float]]:
         """Margins of the rows and of their leaves in one state of floats."""
-        leaves = self._float_leaves(signals)
+        compiled = self._float_leaves
+        leaves = (
+            compiled(signals) if compiled.definitions else [f(signals) for f in compiled.functions]  # type: ignore[arg-type]
+        )
         if not self.compound:
             return leaves, leaves
         return [row(leaves) for row in self._float_rows], leaves

@@ -7,6 +7,7 @@ Nothing is generated as source text, and nothing of a task is ever executed.
 from __future__ import annotations
 
 import operator
+from collections import Counter
 from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, reduce
@@ -26,6 +27,8 @@ from hprs.spec.expression import (
     Name,
     Negate,
     Number,
+    mentions,
+    names,
 )
 from hprs.spec.namespace import Array, Operations, array_operations, float_operations
 from hprs.spec.task import Task
@@ -48,6 +51,8 @@ class _Compiler:
         self, known: Mapping[str, Inferred], xp: ModuleType | None
     ) -> None:
         self._known = known
+        self.inlined: dict[str, _Compiled] = {}
+        """Definitions that are used once: compiled in place instead of stored."""
         self._floats = xp is None
         self._scalar: Operations = float_operations() if xp is None else array_operations(xp)
         self._vector: Operations = array_operations(np if xp is None else xp)
@@ -60,6 +65,8 @@ class _Compiler:
         if quick is not None:
             return _Compiled(quick, 0.0, inferred.length)
         match node:
+            case Name(name) if name in self.inlined:
+                return self.inlined[name]
             case Name(name):
                 return _Compiled(operator.itemgetter(name), 0.0, inferred.length)
             case Negate(operand):
@@ -76,6 +83,8 @@ class _Compiler:
 
     def _of_one_signal(self, node: Expression) -> Function | None:
         """A single closure for `c - abs(x)`, `c - x` and `x - c`, by far the most common margins."""
+        if not self.inlined.keys().isdisjoint(names(node)):
+            return None
         match node:
             case Binary("-", Name(name), right) if not self._known_constant(node.left):
                 constant = self._constant(right)
@@ -239,15 +248,23 @@ def compile_margins(
         comparisons: What to compile, in the order wanted.
         xp: The array namespace; None for Python floats (vectors are then NumPy arrays).
     """
-    known = task.analysis.known
-    compiler = _Compiler(known, xp)
-    definitions = tuple(
-        (d.name, part.function)
-        for d in task.definitions
-        if (part := compiler.compile(d.value)).function is not None
+    compiler = _Compiler(task.analysis.known, xp)
+    uses = Counter(
+        name
+        for node in (*comparisons, *(d.value for d in task.definitions))
+        for name in mentions(node)
     )
+    definitions: list[tuple[str, Function]] = []
+    for definition in task.definitions:
+        part = compiler.compile(definition.value)
+        if part.function is None or not uses[definition.name]:
+            continue
+        if uses[definition.name] == 1:
+            compiler.inlined[definition.name] = part
+        else:
+            definitions.append((definition.name, part.function))
     parts = [compiler.compile(comparison.margin) for comparison in comparisons]
-    return Margins(definitions, tuple(part.function or _constant(part.constant) for part in parts))
+    return Margins(tuple(definitions), tuple(part.function or _constant(part.constant) for part in parts))
 
 
 def _constant(value: float) -> Function:
@@ -257,8 +274,6 @@ def _constant(value: float) -> Function:
 @lru_cache(maxsize=256)
 def used_signals(task: Task) -> tuple[str, ...]:
     """The signals that some requirement or definition of a task refers to, in the text's order."""
-    from hprs.spec.expression import names
-
     used = frozenset[str]().union(
         *(names(r.predicate) for r in task.requirements),
         *(names(d.value) for d in task.definitions),

@@ -10,7 +10,7 @@ Nodes know the place in the text they came from (`position`); it does not count 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Literal, TypeAlias
@@ -349,7 +349,7 @@ def as_expression(value: ExpressionLike) -> Expression:
     """
     if isinstance(value, Operand):
         return value.expression()
-    if isinstance(value, bool) or not isinstance(value, int | float):
+    if isinstance(value, bool) or not isinstance(value, int | float):  # pyright: ignore[reportUnnecessaryIsInstance]
         raise TypeError(f"Expected a number or an expression, got {value!r}.")
     try:
         number = float(value)
@@ -373,14 +373,22 @@ def comparisons(predicate: Predicate) -> tuple[Comparison, ...]:
 
 def names(node: Expression | Predicate) -> frozenset[str]:
     """The names that an expression or predicate refers to, builtin constants left out."""
+    return frozenset(mentions(node))
+
+
+def mentions(node: Expression | Predicate) -> Iterator[str]:
+    """Every mention of a name in an expression or predicate, builtin constants left out."""
     match node:
         case Number():
-            return frozenset()
+            return
         case Name(name):
-            return frozenset() if name in BUILTIN_CONSTANTS else frozenset({name})
+            if name not in BUILTIN_CONSTANTS:
+                yield name
         case Negate(operand):
-            return names(operand)
+            yield from mentions(operand)
         case Binary(_, left, right) | Comparison(left, _, right):
-            return names(left) | names(right)
+            yield from mentions(left)
+            yield from mentions(right)
         case Call(_, parts) | And(parts) | Or(parts):
-            return frozenset[str]().union(*map(names, parts))
+            for part in parts:
+                yield from mentions(part)

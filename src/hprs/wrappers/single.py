@@ -14,10 +14,10 @@ from hprs.errors import SignalError
 from hprs.rewards.base import Reward
 from hprs.rewards.hierarchical import End
 from hprs.rewards.registry import make_reward
-from hprs.semantics import assessment
 from hprs.semantics.evaluation import EvaluatedSignals, Evaluation, evaluate_floats
 from hprs.semantics.plan import plan_of
 from hprs.spec.task import ENV_REWARD, Task
+from hprs.wrappers.episode import Episode
 from hprs.wrappers.signals import SignalFunction, make_reader, zero_action
 
 CHANGES_OBSERVATIONS = (
@@ -99,10 +99,10 @@ class TaskWrapper(gym.Wrapper[Any, Any, Any, Any]):
         self._reads_last_action = self._reader.reads_last_action
         self._in_order = self._plan.labels == task.labels
         self._zero_action = zero_action(env.action_space)
-        self._end_on_violation = end_on_violation and self._plan.safety_count > 0
-        self._end_on_target = end_on_target and self._plan.achieves
+        self._episode = Episode(
+            self._plan, end_on_violation=end_on_violation, end_on_target=end_on_target
+        )
         self._memory: Any = None
-        self._tally: assessment.Tally | None = None
         self._last_action: Any = self._zero_action
         self._outside: dict[str, int] = {}
         if self._reader.needs_probe:
@@ -120,7 +120,7 @@ class TaskWrapper(gym.Wrapper[Any, Any, Any, Any]):
         evaluation = evaluate_floats(self._plan, values)
         if evaluation.potential != evaluation.potential:
             raise nan_margin(self._plan.by_label(evaluation.margins), 0)
-        self._tally = assessment.start(self._plan, evaluation.satisfied)
+        self._episode.start(evaluation.satisfied)
         values.task, values.evaluation = self.task, evaluation
         self._memory = self.reward.init(values)
         info = dict(info)
@@ -132,19 +132,16 @@ class TaskWrapper(gym.Wrapper[Any, Any, Any, Any]):
         observation, env_reward, terminated, truncated, info = self.env.step(action)
         env_reward = float(env_reward)
         terminated, truncated = bool(terminated), bool(truncated)
-        plan, tally = self._plan, self._tally
-        if tally is None:
+        plan, episode = self._plan, self._episode
+        if not episode.running:
             raise SignalError("step() was called before reset().")
-        step = tally.steps + 1
+        step = episode.steps + 1
         values = self._reader.read_floats(observation, action, self._last_action, info)
         self._to_floats(values, step)
         evaluation = evaluate_floats(plan, values)
         if evaluation.potential != evaluation.potential:
             raise nan_margin(plan.by_label(evaluation.margins), step)
-        self._tally = tally = assessment.advance(plan, tally, evaluation.satisfied)
-        if (self._end_on_violation and not assessment.is_safe(tally)) or (
-            self._end_on_target and assessment.achieved(plan, tally)
-        ):
+        if episode.add(evaluation.satisfied):
             terminated = True
         if self._reads_last_action:
             self._last_action = np.array(action)
@@ -155,7 +152,7 @@ class TaskWrapper(gym.Wrapper[Any, Any, Any, Any]):
         self._describe(info, evaluation)
         info["env_reward"] = env_reward
         if terminated or truncated:
-            info["assessment"] = assessment.conclude(plan, tally, outside=self._outside)
+            info["assessment"] = episode.conclude(self._outside)
         return observation, reward, terminated, truncated, info
 
     def _describe(self, info: dict[str, Any], evaluation: Evaluation) -> None:

@@ -1,0 +1,77 @@
+"""Follows one episode of one environment: when the task decides it, and its assessment."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from hprs.semantics import assessment
+from hprs.semantics.plan import Plan
+
+_CHUNK = 64
+
+
+class Episode:
+    """The tally of a running episode, advanced some dozens of steps at a time.
+
+    A tally that advances every step costs three times as much, because everything else that runs
+    in between pushes it out of the processor's caches. Memory stays bounded.
+
+    Args:
+        plan: The task's plan.
+        end_on_violation: A violated safety requirement decides the episode.
+        end_on_target: A target that was to be achieved, and is met, decides the episode.
+    """
+
+    def __init__(self, plan: Plan, *, end_on_violation: bool, end_on_target: bool) -> None:
+        self._plan = plan
+        self._end_on_violation = end_on_violation and plan.safety_count > 0
+        self._end_on_target = end_on_target and plan.achieves
+        self._tally: assessment.Tally | None = None
+        self._pending: list[list[bool]] = []
+        self._decided = False
+        self.steps = 0
+
+    @property
+    def running(self) -> bool:
+        """Whether an episode was started."""
+        return self._tally is not None
+
+    def start(self, satisfied: list[bool]) -> None:
+        """Begin an episode with the satisfaction of every row in s_0."""
+        self._tally = assessment.start(self._plan, satisfied)
+        self._pending.clear()
+        self._decided = False
+        self.steps = 0
+        self._decide(satisfied)
+
+    def add(self, satisfied: list[bool]) -> bool:
+        """Add a step; whether the task has decided the episode."""
+        self.steps += 1
+        pending = self._pending
+        pending.append(satisfied)
+        if len(pending) == _CHUNK:
+            self._fold()
+        if False in satisfied or self._end_on_target:
+            self._decide(satisfied)
+        return self._decided
+
+    def conclude(self, outside: Mapping[str, int]) -> assessment.Assessment:
+        """The assessment of the episode so far."""
+        return assessment.conclude(self._plan, self._fold(), outside=outside)
+
+    def _decide(self, satisfied: list[bool]) -> None:
+        plan = self._plan
+        if self._end_on_violation and False in satisfied[: plan.safety_count]:
+            self._decided = True
+        elif self._end_on_target and satisfied[plan.safety_count]:
+            self._decided = True
+
+    def _fold(self) -> Any:
+        tally = self._tally
+        assert tally is not None
+        for satisfied in self._pending:
+            tally = assessment.advance(self._plan, tally, satisfied)
+        self._pending.clear()
+        self._tally = tally
+        return tally
