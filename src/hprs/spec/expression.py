@@ -13,7 +13,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Literal, TypeAlias
+from typing import Literal, TypeAlias, cast
 
 from hprs.errors import Position, SpecValidationError
 
@@ -124,7 +124,8 @@ class Operand:
         return Comparison(self.expression(), ">", as_expression(other))
 
 
-def _position_field() -> Position | None:
+def position_field() -> Position | None:
+    """The field of every node that holds its place in the text; it never counts in comparisons."""
     return field(default=None, compare=False, repr=False, kw_only=True)
 
 
@@ -148,7 +149,7 @@ class Number(Operand):
     """A number as written; never negative (`-2` is `Negate(Number(2))`) and always finite."""
 
     value: float
-    position: Position | None = _position_field()
+    position: Position | None = position_field()
     depth: int = _depth_field()
 
     def __post_init__(self) -> None:
@@ -172,7 +173,7 @@ class Name(Operand):
     """A reference to a signal, a constant or a definition."""
 
     name: str
-    position: Position | None = _position_field()
+    position: Position | None = position_field()
     depth: int = _depth_field()
 
     def expression(self) -> Expression:
@@ -185,7 +186,7 @@ class Negate(Operand):
     """A sign change."""
 
     operand: Expression
-    position: Position | None = _position_field()
+    position: Position | None = position_field()
     depth: int = _depth_field()
 
     def __post_init__(self) -> None:
@@ -204,7 +205,7 @@ class Binary(Operand):
     operator: BinaryOperator
     left: Expression
     right: Expression
-    position: Position | None = _position_field()
+    position: Position | None = position_field()
     depth: int = _depth_field()
 
     def __post_init__(self) -> None:
@@ -222,7 +223,7 @@ class Call(Operand):
 
     function: str
     arguments: tuple[Expression, ...]
-    position: Position | None = _position_field()
+    position: Position | None = position_field()
     depth: int = _depth_field()
 
     def __post_init__(self) -> None:
@@ -265,13 +266,13 @@ class _Connectable:
     def __bool__(self) -> bool:
         """Teach: a chain `a <= x <= b` or `and` would drop one half."""
         raise TypeError(
-            "A predicate has no truth value. Write (a <= x) & (x <= b) for a chain, & for and, | for or."
+            "A predicate has no truth value. Write (a <= x) & (x <= b) for a chain, & for and, "
+            "| for or."
         )
 
 
 def _predicate(value: _Connectable) -> Predicate:
-    assert isinstance(value, Comparison | And | Or)
-    return value
+    return cast("Predicate", value)
 
 
 @dataclass(frozen=True)
@@ -281,7 +282,7 @@ class Comparison(_Connectable):
     left: Expression
     relation: Relation
     right: Expression
-    position: Position | None = _position_field()
+    position: Position | None = position_field()
     depth: int = _depth_field()
 
     def __post_init__(self) -> None:
@@ -306,7 +307,7 @@ class And(_Connectable):
     """All parts hold; nested conjunctions are flattened."""
 
     parts: tuple[Predicate, ...]
-    position: Position | None = _position_field()
+    position: Position | None = position_field()
     depth: int = _depth_field()
 
     def __post_init__(self) -> None:
@@ -319,7 +320,7 @@ class Or(_Connectable):
     """At least one part holds; nested disjunctions are flattened."""
 
     parts: tuple[Predicate, ...]
-    position: Position | None = _position_field()
+    position: Position | None = position_field()
     depth: int = _depth_field()
 
     def __post_init__(self) -> None:
