@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 
 import gymnasium as gym
+
 import hprs
 
 LANDER = """

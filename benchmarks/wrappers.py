@@ -12,9 +12,10 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import gymnasium as gym
-import hprs
 import numpy as np
 from _common import best_of, driving_task, lander, lander_step, lander_task, seconds
+
+import hprs
 
 BATCH, TIME = 4_096, 1_000
 
@@ -22,7 +23,7 @@ BATCH, TIME = 4_096, 1_000
 class Replay(gym.vector.VectorEnv):
     """A vector environment that returns prepared numbers: all the cost is the wrapper's."""
 
-    metadata = {"autoreset_mode": gym.vector.AutoresetMode.NEXT_STEP}
+    metadata = {"autoreset_mode": gym.vector.AutoresetMode.NEXT_STEP}  # noqa: RUF012
 
     def __init__(self) -> None:
         rng = np.random.default_rng(0)
@@ -54,7 +55,9 @@ def single() -> None:
     wrapped = best_of(lambda: lander_step(hprs.wrap(lander(), task, end_on_violation=False)))
     added = wrapped - bare
     print(f"bare LunarLander step              {bare * 1e6:8.2f} us  (the yardstick)")
-    print(f"hprs.wrap, five requirements adds  {added * 1e6:8.2f} us  = {added / bare:.3f} yardsticks")
+    print(
+        f"hprs.wrap, five requirements adds  {added * 1e6:8.2f} us  = {added / bare:.3f} yardsticks"
+    )
     batch(bare)
 
 
@@ -74,6 +77,7 @@ def jitted() -> None:
     """Reward and assessment of 4,096 x 1,000 samples in one jitted pass."""
     import jax
     import jax.numpy as jnp
+
     from hprs.semantics import assessment
     from hprs.semantics.evaluation import evaluate
     from hprs.semantics.plan import plan_of

@@ -102,7 +102,9 @@ class MissingExtraError(UsageError, ImportError):
     """An optional dependency is not installed."""
 
     def __init__(self, package: str, extra: str) -> None:
-        super().__init__(f"{package} is not installed. Install it with: pip install 'hprs[{extra}]'")
+        super().__init__(
+            f"{package} is not installed. Install it with: pip install 'hprs[{extra}]'"
+        )
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

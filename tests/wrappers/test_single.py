@@ -102,7 +102,9 @@ def test_terminated_and_truncated_stay_apart_when_both_happen():
 
 def test_an_episode_decided_at_its_start_ends_with_its_first_step_and_says_so():
     x = Signal("x", -3.0, 3.0, source=Source("obs", (), 0))
-    task = Task((x,), (Requirement("ensure", "right", x >= 2.9), Requirement("achieve", "up", x >= 2.8)))
+    task = Task(
+        (x,), (Requirement("ensure", "right", x >= 2.9), Requirement("achieve", "up", x >= 2.8))
+    )
     steps = play(wrap(Slider(), task), [0.0] * 3)
     assert len(steps) == 2
     assert steps[-1][4]["assessment"].decided_at_start
@@ -160,7 +162,10 @@ def test_values_outside_their_range_are_counted_by_signal():
         (Source("obs", (), 2), r"signal 'x' reads obs\[2\], but obs has shape \(2,\)"),
         (Source("obs", ("pose",), 0), "signal 'x' reads obs.pose.0., but obs is a Box"),
         (Source("obs"), "signal 'x' is one number, but obs has 2 components"),
-        (Source("info", ("lapp", "progress")), "signal 'x' is missing at reset.*Did you mean 'lap'"),
+        (
+            Source("info", ("lapp", "progress")),
+            "signal 'x' is missing at reset.*Did you mean 'lap'",
+        ),
         (None, "signal 'x' is missing at reset: info has no 'signals'"),
     ],
 )
@@ -181,7 +186,13 @@ class Room(gym.Env):
         return {"pose": np.array([3.0, 4.0, 0.0], np.float32), "wall": np.int64(0)}, {}
 
     def step(self, action):
-        return {"pose": np.array([0.3, 0.4, 1.0], np.float32), "wall": np.int64(1)}, 0, False, True, {}
+        return (
+            {"pose": np.array([0.3, 0.4, 1.0], np.float32), "wall": np.int64(1)},
+            0,
+            False,
+            True,
+            {},
+        )
 
 
 def test_dictionaries_slices_and_discrete_actions_are_read():
@@ -206,7 +217,7 @@ def test_dictionaries_slices_and_discrete_actions_are_read():
 
 def test_a_misspelt_key_suggests_the_right_one():
     wall = Signal("wall", 0.0, 1.0, source=Source("obs", ("wal",)))
-    with pytest.raises(SignalError, match="the observation has no 'wal'. Did you mean 'wall'"):
+    with pytest.raises(SignalError, match=r"the observation has no 'wal'. Did you mean 'wall'"):
         wrap(Room(), Task((wall,), (Requirement("ensure", "free", wall < 1),)))
 
 
@@ -247,7 +258,7 @@ def test_step_before_reset_is_an_error():
 
 
 def test_unknown_rewards_and_a_missing_discount_are_refused():
-    with pytest.raises(UsageError, match="unknown reward 'hrps'.*Did you mean 'hprs'"):
+    with pytest.raises(UsageError, match=r"unknown reward 'hrps'.*Did you mean 'hprs'"):
         wrap(Slider(), slider_task(), reward="hrps")
     with pytest.raises(UsageError, match="needs the learner's discount"):
         wrap(Slider(), slider_task(), end="invariant")

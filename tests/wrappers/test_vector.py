@@ -66,7 +66,7 @@ def test_next_step_mode_equals_single_environments_step_for_step(kind, end):
 @pytest.mark.parametrize("mode", [AutoresetMode.SAME_STEP, AutoresetMode.DISABLED])
 def test_other_modes_give_the_same_transitions_without_the_reset_steps(mode):
     def run(envs, by_hand):
-        observation, _ = envs.reset(seed=3)
+        envs.reset(seed=3)
         found = []
         for action in actions(1):
             _, rewards, terminated, truncated, infos = envs.step(action)
@@ -107,7 +107,9 @@ def test_wrapping_outside_equals_wrapping_inside_synchronous_environments(mode):
             ours, reference = mine[4]["final_info"], theirs[4]["final_info"]
             assert list(ours["assessment"][mask]) == list(reference["assessment"][mask])
             for index in np.flatnonzero(mask):
-                np.testing.assert_array_equal(mine[4]["final_obs"][index], theirs[4]["final_obs"][index])
+                np.testing.assert_array_equal(
+                    mine[4]["final_obs"][index], theirs[4]["final_obs"][index]
+                )
 
 
 def test_asynchronous_environments_give_the_same_rewards():
@@ -117,13 +119,19 @@ def test_asynchronous_environments_give_the_same_rewards():
             return observation, reward, terminated, truncated, info
 
     task = slider_task()
-    asynchronous = wrap_vector(AsyncVectorEnv([Slider] * 2, autoreset_mode=AutoresetMode.SAME_STEP), task)
-    synchronous = wrap_vector(SyncVectorEnv([Slider] * 2, autoreset_mode=AutoresetMode.SAME_STEP), task)
+    asynchronous = wrap_vector(
+        AsyncVectorEnv([Slider] * 2, autoreset_mode=AutoresetMode.SAME_STEP), task
+    )
+    synchronous = wrap_vector(
+        SyncVectorEnv([Slider] * 2, autoreset_mode=AutoresetMode.SAME_STEP), task
+    )
     asynchronous.reset(seed=5)
     synchronous.reset(seed=5)
     try:
         for action in actions(3)[:, :2]:
-            for ours, reference in zip(asynchronous.step(action)[:4], synchronous.step(action)[:4], strict=True):
+            for ours, reference in zip(
+                asynchronous.step(action)[:4], synchronous.step(action)[:4], strict=True
+            ):
                 np.testing.assert_allclose(ours, reference)
     finally:
         asynchronous.close()
@@ -133,7 +141,10 @@ def cart_pole_task():
     from hprs.spec.task import Requirement, Signal, Source, Task
 
     x = Signal("x", -4.8, 4.8, source=Source("obs", (), 0))
-    return Task((x,), (Requirement("ensure", "near", abs(x) <= 0.06), Requirement("conquer", "left", x <= 0)))
+    return Task(
+        (x,),
+        (Requirement("ensure", "near", abs(x) <= 0.06), Requirement("conquer", "left", x <= 0)),
+    )
 
 
 def test_asynchronous_next_step_resets_what_the_task_ends():

@@ -34,7 +34,7 @@ class Hierarchical:
     Args:
         task: The task.
         end: The convention.
-        discount: The learner's discount in (0, 1]; only `"invariant"` uses it, and must be given it.
+        discount: The learner's discount in (0, 1]; `"invariant"` needs it, the others ignore it.
 
     Raises:
         UsageError: Unknown `end`, or a discount that is missing or outside (0, 1].

@@ -1,0 +1,1 @@
+"""What a task says of states and episodes: pure functions of arrays."""

@@ -8,17 +8,17 @@ s_1 .. s_t. A tally gathers the same numbers step by step with constant memory.
 from __future__ import annotations
 
 import operator
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import reduce
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from hprs.errors import TraceError
 from hprs.semantics.evaluation import Signals, evaluate_arrays
 from hprs.semantics.plan import Plan, plan_of
-from hprs.spec.namespace import Array, namespace_of, select
+from hprs.spec.namespace import Array, both, namespace_of, select
 from hprs.spec.task import Task
 
 SAFE, ACCOMPLISHED, COMFORT_SHARE = 1.0, 1.5, 0.25
@@ -43,7 +43,7 @@ class Assessment:
     """Number of steps t."""
     decided_at_start: Any
     """Whether s_0 was already unsafe or had already achieved the target."""
-    outside: Mapping[str, Any] = field(default_factory=dict)
+    outside: Mapping[str, Any]
     """Signal name to the number of states in which it left its range; only those that did."""
 
     @property
@@ -67,6 +67,9 @@ class Tally(NamedTuple):
     """Whether s_0 decided the episode."""
 
 
+_new_tally: Callable[..., Tally] = cast(Any, tuple).__new__
+
+
 def start(plan: Plan, satisfied: Any) -> Tally:
     """The tally at s_0.
 
@@ -76,7 +79,7 @@ def start(plan: Plan, satisfied: Any) -> Tally:
     """
     safe = satisfied[: plan.safety_count]
     counts = satisfied[plan.comfort_start :]
-    if isinstance(satisfied, list):
+    if _is_list(satisfied):
         target = True if plan.target_row is None else satisfied[plan.target_row]
         decided = not all(safe) or (plan.achieves and target)
         return Tally(safe, target, [0] * plan.comfort_count, 0, decided)
@@ -92,7 +95,7 @@ def start(plan: Plan, satisfied: Any) -> Tally:
 
 def advance(plan: Plan, tally: Tally, satisfied: Any) -> Tally:
     """The tally one step later; the same forms as `start`."""
-    if isinstance(satisfied, list):
+    if _is_list(satisfied):
         return _advance_one(plan, tally, satisfied)
     target = tally.target
     if plan.target_row is not None:
@@ -117,12 +120,12 @@ def _advance_one(plan: Plan, tally: Tally, satisfied: list[bool]) -> Tally:
         target = satisfied[row]
     counts = list(map(operator.add, counts, satisfied[plan.comfort_start :]))
     # Twice as fast as the named constructor, which the fast path calls every step.
-    return tuple.__new__(Tally, (safe, target, counts, steps + 1, decided))
+    return _new_tally(Tally, (safe, target, counts, steps + 1, decided))
 
 
 def is_safe(tally: Tally) -> Any:
     """Whether every safety requirement held so far."""
-    if isinstance(tally.safe, list):
+    if _is_list(tally.safe):
         return False not in tally.safe
     return _all(tally.safe, tally.target | True)
 
@@ -155,11 +158,15 @@ def conclude(
     """
     steps = tally.steps
     if max_length is not None and np.any(np.asarray(steps) > max_length):
-        raise ValueError(f"an episode has {np.max(steps)} steps, more than max_length={max_length}.")
+        raise ValueError(
+            f"an episode has {int(np.asarray(steps).max())} steps, more than max_length={max_length}."
+        )
     divisor = steps if max_length is None else max_length
     fractions = [count / divisor for count in tally.counts]
     safe = is_safe(tally)
-    comfort = sum(fractions[1:], start=fractions[0]) / len(fractions) if fractions else safe * 0.0 + 1.0
+    comfort = (
+        sum(fractions[1:], start=fractions[0]) / len(fractions) if fractions else safe * 0.0 + 1.0
+    )
     pam = safe * 1.0 + tally.target * 0.5 + comfort * COMFORT_SHARE
     rows = [*tally.safe, *([] if plan.target_row is None else [tally.target]), *fractions]
     return Assessment(
@@ -179,7 +186,7 @@ def assess(task: Task, trace: Signals, *, max_length: int | None = None) -> Asse
 
     Args:
         task: The task.
-        trace: Signal name to values over time, s_0 first, time on the first axis; batch axes follow.
+        trace: Signal name to values, s_0 first; time on the first axis, batch axes after it.
         max_length: See `conclude`.
 
     Raises:
@@ -247,8 +254,13 @@ def accomplished_comfort(pam: Array) -> Array:
     return select(pam >= ACCOMPLISHED, (pam - ACCOMPLISHED) / COMFORT_SHARE, pam * 0.0)
 
 
+def _is_list(rows: Any) -> bool:
+    """Whether rows are those of one state of floats."""
+    return isinstance(rows, list)
+
+
 def _all(rows: Any, every: Any) -> Any:
-    return reduce(operator.and_, rows, every)
+    return reduce(both, rows, every)
 
 
 def _check_trace(plan: Plan, trace: Signals) -> dict[str, Array]:
@@ -294,11 +306,16 @@ def _plain(assessment: Assessment) -> Assessment:
     def scalar(value: Any) -> Any:
         return value.item() if getattr(value, "ndim", None) == 0 else value
 
+    def scalars(values: Mapping[str, Any]) -> dict[str, Any]:
+        return {name: scalar(value) for name, value in values.items()}
+
     return Assessment(
-        **{
-            name: {key: scalar(item) for key, item in value.items()}
-            if isinstance(value, Mapping)
-            else scalar(value)
-            for name, value in vars(assessment).items()
-        }
+        pam=scalar(assessment.pam),
+        safe=scalar(assessment.safe),
+        target=scalar(assessment.target),
+        comfort=scalar(assessment.comfort),
+        requirements=scalars(assessment.requirements),
+        length=scalar(assessment.length),
+        decided_at_start=scalar(assessment.decided_at_start),
+        outside=scalars(assessment.outside),
     )

@@ -6,11 +6,10 @@ shape; NumPy, JAX (under `jit`, `vmap`, `scan`) and PyTorch give the same number
 
 from __future__ import annotations
 
-import operator
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from types import ModuleType
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
 
@@ -20,6 +19,8 @@ from hprs.spec.namespace import (
     Array,
     array_operations,
     as_floating,
+    both,
+    either,
     namespace_of,
 )
 from hprs.spec.task import Task
@@ -43,11 +44,11 @@ class Evaluation(NamedTuple):
     """Score r in [0, 1]: binary for safety, continuous otherwise (the paper, "Hierarchical
     Potential-based Reward Shaping")."""
     potential: Any
-    """Hierarchical potential Psi (the paper, equation `hrs_pot`), in [0, number of requirements]."""
+    """Hierarchical potential Psi (the paper, equation `hrs_pot`), from 0 to the number of rows."""
 
 
 # Twice as fast as the named constructor, which the fast path calls every step.
-_new_evaluation = tuple.__new__
+_new_evaluation: Callable[..., Evaluation] = cast(Any, tuple).__new__
 
 
 class EvaluatedSignals(dict[str, Array]):
@@ -126,7 +127,7 @@ def evaluate_arrays(plan: Plan, signals: Signals, xp: ModuleType) -> Evaluation:
         rows = plan.combine(leaf_scores, xp.minimum, xp.maximum)[plan.safety_count :]
         scores = xp.stack(rows) if rows else scores
         leaves = xp.stack(plan.combine(list(leaves), xp.minimum, xp.maximum))
-        satisfied = xp.stack(plan.combine(list(satisfied), operator.and_, operator.or_))
+        satisfied = xp.stack(plan.combine(list(satisfied), both, either))
     if plan.safety_count:
         binary = xp.astype(satisfied[: plan.safety_count], leaves.dtype)
         scores = xp.concat([binary, scores])
@@ -189,15 +190,16 @@ def _column(values: Sequence[float], leaves: Array, xp: ModuleType) -> Array:
         return _numpy_column(tuple(values), leaves.dtype, leaves.ndim)
     column = xp.asarray([float(value) for value in values], dtype=leaves.dtype)
     if hasattr(leaves, "device") and getattr(column, "device", None) != leaves.device:
-        from array_api_compat import device, to_device
+        import array_api_compat
 
-        column = to_device(column, device(leaves))
+        compat: Any = array_api_compat
+        column = compat.to_device(column, compat.device(leaves))
     return xp.reshape(column, (-1,) + (1,) * (leaves.ndim - 1))
 
 
 @lru_cache(maxsize=1024)
 def _numpy_column(values: tuple[float, ...], dtype: Any, ndim: int) -> Array:
-    column = np.asarray(values, dtype=dtype).reshape((-1,) + (1,) * (ndim - 1))
+    column = np.array(values, dtype=dtype, ndmin=ndim).T
     column.flags.writeable = False
     return column
 

@@ -16,7 +16,7 @@ from typing import Any, TypeAlias, TypeVar
 
 from hprs.spec.compiler import Margins, compile_margins, used_signals
 from hprs.spec.expression import And, Comparison, Predicate, comparisons
-from hprs.spec.namespace import float_operations
+from hprs.spec.namespace import both, either, float_operations
 from hprs.spec.task import Requirement, Task
 
 T = TypeVar("T")
@@ -77,7 +77,6 @@ class Plan:
         self.compound = len(self.leaves) > len(self.rows)
         self.groups = _groups(task, self.rows)
 
-
     def float_margins(self, signals: Mapping[str, float]) -> tuple[list[float], list[float]]:
         """Margins of the rows and of their leaves in one state of floats."""
         compiled = self._float_leaves
@@ -95,7 +94,9 @@ class Plan:
     @cached_property
     def _float_rows(self) -> list[FromLeaves]:
         return self._per_row(
-            lambda leaf: operator.itemgetter(leaf), float_operations()["min"], float_operations()["max"]
+            lambda leaf: operator.itemgetter(leaf),
+            float_operations()["min"],
+            float_operations()["max"],
         )
 
     @cached_property
@@ -107,7 +108,7 @@ class Plan:
                 return lambda leaves: leaves[leaf] > 0.0
             return lambda leaves: leaves[leaf] >= 0.0
 
-        return self._per_row(holds, operator.and_, operator.or_)
+        return self._per_row(holds, both, either)
 
     @cached_property
     def float_scores(self) -> list[FromLeaves]:
@@ -118,7 +119,13 @@ class Plan:
 
             def continuous(leaves: Sequence[float]) -> float:
                 value = leaves[leaf]
-                return 1.0 if value >= 0.0 else value if value != value else max(1.0 - value / low, 0.0)
+                return (
+                    1.0
+                    if value >= 0.0
+                    else value
+                    if value != value
+                    else max(1.0 - value / low, 0.0)
+                )
 
             return continuous
 
@@ -171,7 +178,10 @@ class Plan:
         return _array_margins(self.task, xp)
 
     def combine(
-        self, leaves: Sequence[T], conjunction: Callable[[T, T], T], disjunction: Callable[[T, T], T]
+        self,
+        leaves: Sequence[T],
+        conjunction: Callable[[T, T], T],
+        disjunction: Callable[[T, T], T],
     ) -> list[T]:
         """One value a row from one value a leaf, through `and` and `or`."""
         following = iter(leaves)
@@ -201,7 +211,7 @@ def _picker(rows: tuple[int, ...]) -> Pick:
         return lambda scores: ()
     if rows == tuple(range(rows[0], rows[-1] + 1)):
         return operator.itemgetter(slice(rows[0], rows[-1] + 1))
-    return operator.itemgetter(*rows)
+    return lambda scores: [scores[row] for row in rows]
 
 
 def _fold(

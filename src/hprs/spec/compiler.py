@@ -47,9 +47,7 @@ class _Compiled:
 
 
 class _Compiler:
-    def __init__(
-        self, known: Mapping[str, Inferred], xp: ModuleType | None
-    ) -> None:
+    def __init__(self, known: Mapping[str, Inferred], xp: ModuleType | None) -> None:
         self._known = known
         self.inlined: dict[str, _Compiled] = {}
         """Definitions that are used once: compiled in place instead of stored."""
@@ -82,7 +80,7 @@ class _Compiler:
                 raise AssertionError(node)
 
     def _of_one_signal(self, node: Expression) -> Function | None:
-        """A single closure for `c - abs(x)`, `c - x` and `x - c`, by far the most common margins."""
+        """A single closure for `c - abs(x)`, `c - x` and `x - c`, the most common margins."""
         if not self.inlined.keys().isdisjoint(names(node)):
             return None
         match node:
@@ -113,7 +111,8 @@ class _Compiler:
         if symbol in ("/", "**"):
             operation = self._operations(result)[symbol]
             if f is None:
-                return lambda v: operation(a, _call(g, v))
+                divisor = g or _constant(b)
+                return lambda v: operation(a, divisor(v))
             if g is None:
                 exponent = int(b) if symbol == "**" and b.is_integer() and abs(b) < 64 else b
                 return lambda v: operation(f(v), exponent)
@@ -128,7 +127,7 @@ class _Compiler:
             if name == "abs":
                 return lambda v: abs(inner(v))
             if name in REDUCTIONS:
-                operation = self._vector[f"reduce {name}"]
+                operation = self._scalar[f"reduce {name}"]
             else:
                 operation = self._operations(result)[name]
             return lambda v: operation(inner(v))
@@ -158,7 +157,8 @@ class _Compiler:
                 return lambda v: operation(f(v), g(v))
             if f is not None:
                 return lambda v: operation(f(v), b)
-            return lambda v: operation(a, _call(g, v))
+            second = g or _constant(b)
+            return lambda v: operation(a, second(v))
         pairs = list(zip(functions, constants, strict=True))
         return lambda v: operation(*[c if f is None else f(v) for f, c in pairs])
 
@@ -188,36 +188,33 @@ class _Compiler:
 
 
 def _function(part: _Compiled) -> Function:
-    assert part.function is not None
-    return part.function
-
-
-def _call(function: Function | None, values: Values) -> Array:
-    assert function is not None
-    return function(values)
+    return part.function or _constant(part.constant)
 
 
 def _arithmetic(
     symbol: BinaryOperator, f: Function | None, a: float, g: Function | None, b: float
 ) -> Function:
+    table: dict[BinaryOperator, Function]
     if f is None:
-        assert g is not None
-        return {
-            "+": lambda v: a + g(v),
-            "-": lambda v: a - g(v),
-            "*": lambda v: a * g(v),
-        }[symbol]
-    if g is None:
-        return {
+        right = g or _constant(b)
+        table = {
+            "+": lambda v: a + right(v),
+            "-": lambda v: a - right(v),
+            "*": lambda v: a * right(v),
+        }
+    elif g is None:
+        table = {
             "+": lambda v: f(v) + b,
             "-": lambda v: f(v) - b,
             "*": lambda v: f(v) * b,
-        }[symbol]
-    return {
-        "+": lambda v: f(v) + g(v),
-        "-": lambda v: f(v) - g(v),
-        "*": lambda v: f(v) * g(v),
-    }[symbol]
+        }
+    else:
+        table = {
+            "+": lambda v: f(v) + g(v),
+            "-": lambda v: f(v) - g(v),
+            "*": lambda v: f(v) * g(v),
+        }
+    return table[symbol]
 
 
 @dataclass(frozen=True)
@@ -264,7 +261,9 @@ def compile_margins(
         else:
             definitions.append((definition.name, part.function))
     parts = [compiler.compile(comparison.margin) for comparison in comparisons]
-    return Margins(tuple(definitions), tuple(part.function or _constant(part.constant) for part in parts))
+    return Margins(
+        tuple(definitions), tuple(part.function or _constant(part.constant) for part in parts)
+    )
 
 
 def _constant(value: float) -> Function:

@@ -7,7 +7,7 @@ is a task that can be evaluated. What it derives is in `task.analysis` and `task
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
@@ -21,6 +21,7 @@ from hprs.spec.expression import (
     Operand,
     Predicate,
     as_expression,
+    position_field,
 )
 from hprs.spec.interval import Interval
 
@@ -54,10 +55,6 @@ MAX_REQUIREMENTS = 500
 RESERVED = KEYWORDS | frozenset(BUILTIN_CONSTANTS) | frozenset(FUNCTIONS) | {ENV_REWARD}
 
 
-def _position_field() -> Position | None:
-    return field(default=None, compare=False, repr=False, kw_only=True)
-
-
 @dataclass(frozen=True)
 class Source:
     """Where a signal is read: a root, a path of keys into it, and an index on the last axis.
@@ -68,7 +65,7 @@ class Source:
     root: str
     keys: tuple[str, ...] = ()
     index: int | tuple[int | None, int | None] | None = None
-    position: Position | None = _position_field()
+    position: Position | None = position_field()
 
     def __post_init__(self) -> None:
         """Check the root, and that only dictionaries are given keys."""
@@ -126,7 +123,7 @@ class Signal(Operand):
     length: int | None = None
     initially: Expression | None = None
     unit: str = ""
-    position: Position | None = _position_field()
+    position: Position | None = position_field()
 
     def __init__(
         self,
@@ -173,7 +170,7 @@ class Constant(Operand):
 
     name: str
     value: Expression
-    position: Position | None = _position_field()
+    position: Position | None = position_field()
 
     def __post_init__(self) -> None:
         """Accept plain numbers."""
@@ -195,7 +192,7 @@ class Definition(Operand):
     value: Expression
     low: Expression | None = None
     high: Expression | None = None
-    position: Position | None = _position_field()
+    position: Position | None = position_field()
 
     def __post_init__(self) -> None:
         """Accept plain numbers in the range."""
@@ -218,7 +215,7 @@ class Requirement:
     kind: Kind
     label: str
     predicate: Predicate
-    position: Position | None = _position_field()
+    position: Position | None = position_field()
 
     def __post_init__(self) -> None:
         """Check the kind."""
@@ -239,7 +236,7 @@ class Preference:
 
     higher: str
     lower: str
-    position: Position | None = _position_field()
+    position: Position | None = position_field()
 
 
 @dataclass(frozen=True)
@@ -363,4 +360,4 @@ class Remark:
     """A remark on a task that is legal and probably not meant."""
 
     message: str
-    position: Position | None = _position_field()
+    position: Position | None = position_field()

@@ -27,7 +27,7 @@ class Episode:
         self._plan = plan
         self._end_on_violation = end_on_violation and plan.safety_count > 0
         self._end_on_target = end_on_target and plan.achieves
-        self._tally: assessment.Tally | None = None
+        self._tally: Any = None
         self._pending: list[list[bool]] = []
         self._decided = False
         self.steps = 0
@@ -61,15 +61,13 @@ class Episode:
         return assessment.conclude(self._plan, self._fold(), outside=outside)
 
     def _decide(self, satisfied: list[bool]) -> None:
-        plan = self._plan
-        if self._end_on_violation and False in satisfied[: plan.safety_count]:
-            self._decided = True
-        elif self._end_on_target and satisfied[plan.safety_count]:
-            self._decided = True
+        count = self._plan.safety_count
+        violated = self._end_on_violation and False in satisfied[:count]
+        met = self._end_on_target and satisfied[count]
+        self._decided = self._decided or violated or met
 
     def _fold(self) -> Any:
         tally = self._tally
-        assert tally is not None
         for satisfied in self._pending:
             tally = assessment.advance(self._plan, tally, satisfied)
         self._pending.clear()

@@ -9,7 +9,7 @@ import numpy as np
 
 def merge_rows(mask: Any, new: Any, old: Any) -> Any:
     """`new` where the mask holds and `old` elsewhere; the batch is the last axis of every array."""
-    if new is None or isinstance(new, int | float) and not isinstance(old, np.ndarray):
+    if new is None or (isinstance(new, int | float) and not isinstance(old, np.ndarray)):
         return new
     if isinstance(new, dict):
         return {key: merge_rows(mask, value, old[key]) for key, value in new.items()}

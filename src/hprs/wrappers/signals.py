@@ -53,9 +53,7 @@ class Reader:
     ) -> EvaluatedSignals:
         """The signals of one state; scalars are floats where that costs nothing."""
         if self.quick is not None:
-            return EvaluatedSignals(
-                zip(self.reads, self.quick(observation.tolist()), strict=True)
-            )
+            return EvaluatedSignals(zip(self.reads, self.quick(observation.tolist()), strict=True))
         return EvaluatedSignals(self(observation, action, last_action, info))
 
     def __call__(
@@ -78,9 +76,7 @@ class Reader:
                     raise _missing(name, read, info) from error
         return values
 
-    def at_reset(
-        self, observation: Any, action: Any, info: Mapping[str, Any]
-    ) -> dict[str, Any]:
+    def at_reset(self, observation: Any, action: Any, info: Mapping[str, Any]) -> dict[str, Any]:
         """The signals of s_0; `initially` stands in for what is missing."""
         values: dict[str, Any] = {}
         given: Mapping[str, Any] = {}
@@ -88,7 +84,9 @@ class Reader:
             given = self.function(observation, action, action, info)
         for name, read in self.reads.items():
             try:
-                values[name] = given[name] if name in given else read(observation, action, action, info)
+                values[name] = (
+                    given[name] if name in given else read(observation, action, action, info)
+                )
             except KeyError as error:
                 if name not in self.initially:
                     raise _missing(name, read, info, at_reset=True) from error
@@ -163,7 +161,9 @@ def zero_action(space: gym.Space[Any]) -> Any:
     if isinstance(space, spaces.Discrete):
         return np.clip(0, space.start, space.start + space.n - 1)
     if isinstance(space, spaces.MultiDiscrete):
-        return np.clip(np.zeros(space.shape, space.dtype), space.start, space.start + space.nvec - 1)
+        return np.clip(
+            np.zeros(space.shape, space.dtype), space.start, space.start + space.nvec - 1
+        )
     if isinstance(space, spaces.MultiBinary):
         return np.zeros(space.shape, space.dtype)
     return None
@@ -241,7 +241,8 @@ def _subspace(signal: Signal, source: Source, space: gym.Space[Any]) -> gym.Spac
 def _check_shape(signal: Signal, source: Source, space: gym.Space[Any]) -> None:
     if space.shape is None:
         raise SignalError(
-            f"signal '{signal.name}' reads {source}, which is {_kind(space)}; name one of its entries."
+            f"signal '{signal.name}' reads {source}, which is {_kind(space)}; "
+            "name one of its entries."
         )
     shape = space.shape
     if source.index is not None and shape:
@@ -253,7 +254,9 @@ def _check_shape(signal: Signal, source: Source, space: gym.Space[Any]) -> None:
                 f"signal '{signal.name}' reads {source}, but {source.root} has shape {space.shape}."
             ) from None
     elif source.index is not None:
-        raise SignalError(f"signal '{signal.name}' reads {source}, but {source.root} is one number.")
+        raise SignalError(
+            f"signal '{signal.name}' reads {source}, but {source.root} is one number."
+        )
     wanted = () if signal.length is None else (signal.length,)
     if shape != wanted:
         raise SignalError(

@@ -64,7 +64,9 @@ def wrap(
         SignalError: A signal is missing or misshapen.
         UsageError: The reward or the convention is unknown.
     """
-    made = make_reward(reward, task, end=end, discount=discount) if isinstance(reward, str) else reward
+    made = (
+        make_reward(reward, task, end=end, discount=discount) if isinstance(reward, str) else reward
+    )
     return TaskWrapper(
         env,
         task=task,
@@ -158,7 +160,7 @@ class TaskWrapper(gym.Wrapper[Any, Any, Any, Any]):
     def _describe(self, info: dict[str, Any], evaluation: Evaluation) -> None:
         margins, satisfied, scores, info["potential"] = evaluation
         if self._in_order:
-            # Rows and labels have one length by construction; `strict` would cost a tenth of a step.
+            # Rows and labels have one length by construction; `strict` costs time every step.
             info["margins"] = dict(zip(self._labels, margins))  # noqa: B905
             info["scores"] = dict(zip(self._labels, scores))  # noqa: B905
         else:

@@ -1,15 +1,14 @@
 """Puts a task on a `gymnasium.vector.VectorEnv`, in each of its three autoreset modes.
 
 The task may end an episode that its sub-environment would go on with; the wrapper then resets that
-sub-environment, so that a caller sees the autoreset mode of the wrapped environment and nothing else.
+sub-environment, so that a caller sees nothing but the wrapped environment's autoreset mode.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, cast
 
-import gymnasium as gym
 import numpy as np
 from gymnasium import wrappers as gym_wrappers
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorEnv, VectorWrapper
@@ -48,10 +47,12 @@ def wrap_vector(
 
     Raises:
         SignalError: A signal is missing or misshapen.
-        UsageError: The reward or the convention is unknown, or the task would end episodes that this
-            vector environment cannot end (see `forced_reset`).
+        UsageError: The reward or the convention is unknown, or the task would end episodes that
+            this vector environment cannot end (see `forced_reset`).
     """
-    made = make_reward(reward, task, end=end, discount=discount) if isinstance(reward, str) else reward
+    made = (
+        make_reward(reward, task, end=end, discount=discount) if isinstance(reward, str) else reward
+    )
     return TaskVectorWrapper(
         envs,
         task=task,
@@ -113,7 +114,7 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
         mask = self._everyone
         if options is not None and "reset_mask" in options:
             mask = np.array(options["reset_mask"])
-        observation, infos = self.env.reset(seed=seed, options=options)
+        observation, infos = self.env.reset(seed=cast(Any, seed), options=options)
         if self._tally is None and not mask.all():
             raise SignalError("the first reset must be of all sub-environments.")
         infos = self._begin(mask, observation, infos)
@@ -140,9 +141,7 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
         forced = done & ~own_end & ~resetting
         if self._mode == AutoresetMode.SAME_STEP:
             if done.any():
-                observation, infos = self._restart(
-                    observation, infos, described, done, forced
-                )
+                observation, infos = self._restart(observation, infos, described, done, forced)
             infos = merge_infos(infos, described, ~done)
         else:
             infos = merge_infos(infos, described, ~resetting)
@@ -204,7 +203,7 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
         done: Mask,
         forced: Mask,
     ) -> tuple[Any, dict[str, Any]]:
-        """Same-step autoreset: the last step goes to `final_*`, the first of the next is returned."""
+        """Same-step autoreset: the last steps go to `final_*`, first states are returned."""
         final_obs = infos.get("final_obs", np.full(self.num_envs, None, dtype=object))
         final_info = infos.get("final_info", {})
         if forced.any():
@@ -319,7 +318,9 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
             return None
         for number, name in enumerate(self._plan.signals):
             value = values[name]
-            unknown = np.isnan(value).reshape(self.num_envs, -1).any(axis=1) & mask & ~inside[number]
+            unknown = (
+                np.isnan(value).reshape(self.num_envs, -1).any(axis=1) & mask & ~inside[number]
+            )
             if unknown.any():
                 row = int(np.flatnonzero(unknown)[0])
                 raise SignalError(
@@ -327,7 +328,7 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
                 )
         return ~inside
 
-    def _step_of(self, row: int) -> int:
+    def _step_of(self, row: Any) -> int:
         return 0 if self._tally is None else int(self._tally.steps[row]) + 1
 
     @property
@@ -404,8 +405,8 @@ def forced_reset(envs: VectorEnv[Any, Any, Any]) -> Callable[[Mask], None]:
         return lambda mask: _flag(bare.prev_done, mask)
     raise UsageError(
         f"the task ends episodes, but {type(bare).__name__} cannot reset single sub-environments. "
-        "Use gymnasium.make_vec(..., vectorization_mode='sync'), or autoreset mode DISABLED, or pass "
-        "end_on_violation=False and end_on_target=False."
+        "Use gymnasium.make_vec(..., vectorization_mode='sync'), or autoreset mode DISABLED, or "
+        "pass end_on_violation=False and end_on_target=False."
     )
 
 
@@ -421,7 +422,7 @@ def _masked(entries: dict[str, Any], mask: Mask) -> dict[str, Any]:
     return entries | {f"_{key}": mask for key in entries}
 
 
-def _row(batch: Any, row: int) -> Any:
+def _row(batch: Any, row: Any) -> Any:
     if isinstance(batch, dict):
         return {key: _row(value, row) for key, value in batch.items()}
     if isinstance(batch, tuple):
@@ -437,7 +438,7 @@ def _copy(batch: Any) -> Any:
     return np.array(batch)
 
 
-def _set_row(batch: Any, row: int, value: Any) -> None:
+def _set_row(batch: Any, row: Any, value: Any) -> None:
     if isinstance(batch, dict):
         for key, part in batch.items():
             _set_row(part, row, value[key])
