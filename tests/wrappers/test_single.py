@@ -68,7 +68,8 @@ def test_info_carries_margins_scores_potential_original_reward_and_cost():
     env = wrap(Slider(), slider_task(), end_on_violation=False)
     _, *steps = play(env, [-1.0] * 3)
     info = steps[-1][4]
-    assert list(info["margins"]) == list(info["scores"]) == ["smooth", "on_line", "there", "gentle"]
+    by_class = ["on_line", "there", "smooth", "gentle"]
+    assert list(info["margins"]) == list(info["scores"]) == by_class
     assert info["margins"]["on_line"] < 0.0
     assert info["cost"] == 1.0
     assert info["env_reward"] == pytest.approx(-abs(steps[-1][0][0]))

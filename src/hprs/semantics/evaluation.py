@@ -15,6 +15,7 @@ import numpy as np
 
 from hprs.errors import SignalError, did_you_mean
 from hprs.semantics.plan import Group, Plan, plan_of
+from hprs.semantics.single_state import float_evaluator
 from hprs.spec.namespace import (
     Array,
     array_operations,
@@ -94,18 +95,12 @@ def scores(task: Task, signals: Signals) -> dict[str, Array]:
     return plan_of(task).by_label(evaluate(task, signals).scores)
 
 
+_evaluator = lru_cache(maxsize=256)(float_evaluator)
+
+
 def evaluate_floats(plan: Plan, signals: Signals) -> Evaluation:
     """Evaluate one state of Python floats (vector signals: NumPy arrays); the fast path."""
-    margins, leaves = plan.float_margins(signals)
-    if plan.any_strict:
-        satisfied = [row(leaves) for row in plan.float_satisfied]
-    else:
-        satisfied = [margin >= 0.0 for margin in margins]
-    scores = [1.0 if holds else 0.0 for holds in satisfied[: plan.safety_count]]
-    for margin, score in zip(margins[plan.safety_count :], plan.float_scores):  # noqa: B905
-        # Where a margin is not negative every score is 1, through `and` and `or` too.
-        scores.append(1.0 if margin >= 0.0 else score(leaves))
-    return _new_evaluation(Evaluation, (margins, satisfied, scores, plan.float_potential(scores)))
+    return _new_evaluation(Evaluation, _evaluator(plan)(signals))
 
 
 def evaluate_arrays(plan: Plan, signals: Signals, xp: ModuleType) -> Evaluation:
@@ -199,7 +194,7 @@ def _column(values: Sequence[float], leaves: Array, xp: ModuleType) -> Array:
 
 @lru_cache(maxsize=1024)
 def _numpy_column(values: tuple[float, ...], dtype: Any, ndim: int) -> Array:
-    column = np.array(values, dtype=dtype, ndmin=ndim).T
+    column: Array = cast(Any, np).array(values, dtype=dtype, ndmin=ndim).T
     column.flags.writeable = False
     return column
 

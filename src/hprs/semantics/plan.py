@@ -7,23 +7,19 @@ target, then comfort; inside a class the order of the text. The batch axes follo
 from __future__ import annotations
 
 import math
-import operator
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache, reduce
+from functools import lru_cache, reduce
 from types import ModuleType
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeVar
 
 from hprs.spec.compiler import Margins, compile_margins, used_signals
 from hprs.spec.expression import And, Comparison, Predicate, comparisons
-from hprs.spec.namespace import both, either, float_operations
 from hprs.spec.task import Requirement, Task
 
 T = TypeVar("T")
 
 
-Pick: TypeAlias = Callable[[Sequence[float]], Sequence[float]]
-FromLeaves: TypeAlias = Callable[[Sequence[float]], Any]
 
 
 @dataclass(frozen=True)
@@ -77,102 +73,6 @@ class Plan:
         self.compound = len(self.leaves) > len(self.rows)
         self.groups = _groups(task, self.rows)
 
-    def float_margins(self, signals: Mapping[str, float]) -> tuple[list[float], list[float]]:
-        """Margins of the rows and of their leaves in one state of floats."""
-        compiled = self._float_leaves
-        leaves = (
-            compiled(signals) if compiled.definitions else [f(signals) for f in compiled.functions]  # type: ignore[arg-type]
-        )
-        if not self.compound:
-            return leaves, leaves
-        return [row(leaves) for row in self._float_rows], leaves
-
-    @cached_property
-    def _float_leaves(self) -> Margins:
-        return compile_margins(self.task, self.leaves, None)
-
-    @cached_property
-    def _float_rows(self) -> list[FromLeaves]:
-        return self._per_row(
-            lambda leaf: operator.itemgetter(leaf),
-            float_operations()["min"],
-            float_operations()["max"],
-        )
-
-    @cached_property
-    def float_satisfied(self) -> list[FromLeaves]:
-        """One function a row, from the leaves' margins to whether the row is satisfied."""
-
-        def holds(leaf: int) -> FromLeaves:
-            if self.strict[leaf]:
-                return lambda leaves: leaves[leaf] > 0.0
-            return lambda leaves: leaves[leaf] >= 0.0
-
-        return self._per_row(holds, both, either)
-
-    @cached_property
-    def float_scores(self) -> list[FromLeaves]:
-        """One function a row below safety, from the leaves' margins to the row's score."""
-
-        def score(leaf: int) -> FromLeaves:
-            low = self.soft_lows[leaf - self.safety_leaves] if leaf >= self.safety_leaves else -1.0
-
-            def continuous(leaves: Sequence[float]) -> float:
-                value = leaves[leaf]
-                return (
-                    1.0
-                    if value >= 0.0
-                    else value
-                    if value != value
-                    else max(1.0 - value / low, 0.0)
-                )
-
-            return continuous
-
-        minimum, maximum = float_operations()["min"], float_operations()["max"]
-        return self._per_row(score, minimum, maximum)[self.safety_count :]
-
-    def _per_row(
-        self, from_leaf: Callable[[int], FromLeaves], conjunction: Any, disjunction: Any
-    ) -> list[FromLeaves]:
-        def lift(operation: Any) -> Callable[[FromLeaves, FromLeaves], FromLeaves]:
-            return lambda f, g: lambda leaves: operation(f(leaves), g(leaves))
-
-        functions = [from_leaf(leaf) for leaf in range(len(self.leaves))]
-        return self.combine(functions, lift(conjunction), lift(disjunction))
-
-    @cached_property
-    def float_potential(self) -> Callable[[Sequence[float]], float]:
-        """The potential from the rows' scores."""
-        groups = [(_picker(group.above), _picker(group.members)) for group in self.groups]
-        prod = math.prod
-
-        def general(scores: Sequence[float]) -> float:
-            total = 0.0
-            for above, members in groups:
-                total += prod(above(scores)) * sum(members(scores))
-            return total
-
-        def chain(scores: Sequence[float]) -> float:
-            # Every group lies below all groups before it: one running product is its weight.
-            total, weight = 0.0, 1.0
-            for _, members in groups:
-                own = members(scores)
-                total += weight * sum(own)
-                weight *= prod(own)
-            return total
-
-        return chain if self._is_chain else general
-
-    @property
-    def _is_chain(self) -> bool:
-        before: set[int] = set()
-        for group in self.groups:
-            if set(group.above) != before:
-                return False
-            before |= set(group.members)
-        return True
-
     def array_margins(self, xp: ModuleType) -> Margins:
         """Margins of the leaves over arrays of a namespace."""
         return _array_margins(self.task, xp)
@@ -204,14 +104,6 @@ def plan_of(task: Task) -> Plan:
 @lru_cache(maxsize=256)
 def _array_margins(task: Task, xp: ModuleType) -> Margins:
     return compile_margins(task, plan_of(task).leaves, xp)
-
-
-def _picker(rows: tuple[int, ...]) -> Pick:
-    if not rows:
-        return lambda scores: ()
-    if rows == tuple(range(rows[0], rows[-1] + 1)):
-        return operator.itemgetter(slice(rows[0], rows[-1] + 1))
-    return lambda scores: [scores[row] for row in rows]
 
 
 def _fold(

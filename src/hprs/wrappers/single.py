@@ -99,7 +99,6 @@ class TaskWrapper(gym.Wrapper[Any, Any, Any, Any]):
         self._ranges = [(name, *_ends(task, name)) for name in self._plan.signals]
         self._labels = self._plan.labels
         self._reads_last_action = self._reader.reads_last_action
-        self._in_order = self._plan.labels == task.labels
         self._zero_action = zero_action(env.action_space)
         self._episode = Episode(
             self._plan, end_on_violation=end_on_violation, end_on_target=end_on_target
@@ -159,13 +158,9 @@ class TaskWrapper(gym.Wrapper[Any, Any, Any, Any]):
 
     def _describe(self, info: dict[str, Any], evaluation: Evaluation) -> None:
         margins, satisfied, scores, info["potential"] = evaluation
-        if self._in_order:
-            # Rows and labels have one length by construction; `strict` costs time every step.
-            info["margins"] = dict(zip(self._labels, margins))  # noqa: B905
-            info["scores"] = dict(zip(self._labels, scores))  # noqa: B905
-        else:
-            info["margins"] = self._plan.by_label(margins)
-            info["scores"] = self._plan.by_label(scores)
+        # Rows and labels have one length by construction; `strict` costs time every step.
+        info["margins"] = dict(zip(self._labels, margins))  # noqa: B905
+        info["scores"] = dict(zip(self._labels, scores))  # noqa: B905
         info["cost"] = float(satisfied[: self._plan.safety_count].count(False))
 
     def _to_floats(self, values: dict[str, Any], step: int) -> None:
