@@ -31,6 +31,18 @@ class Benchmark:
     vector_entry_point: str | None = None
     """A vectorised version of it, where there is one."""
 
+    @property
+    def task_text(self) -> str:
+        """The text of its task."""
+        return resources.files(self.package).joinpath(TASK_FILE).read_text(encoding="utf-8")
+
+    @property
+    def task(self) -> Task:
+        """Its task."""
+        from hprs.spec.parser import parse_task
+
+        return parse_task(self.task_text, path=f"{self.id}/{TASK_FILE}")
+
 
 BENCHMARKS: Mapping[str, Benchmark] = MappingProxyType(
     {
@@ -69,16 +81,10 @@ def register() -> None:
 def task_text_of(environment: str) -> str | None:
     """The text of a benchmark's task; None for an environment that is not ours."""
     benchmark = BENCHMARKS.get(environment)
-    if benchmark is None:
-        return None
-    return resources.files(benchmark.package).joinpath(TASK_FILE).read_text(encoding="utf-8")
+    return None if benchmark is None else benchmark.task_text
 
 
 def task_of(environment: str) -> Task | None:
     """The task of a benchmark; None for an environment that is not ours."""
-    text = task_text_of(environment)
-    if text is None:
-        return None
-    from hprs.spec.parser import parse_task
-
-    return parse_task(text, path=f"{environment}/{TASK_FILE}")
+    benchmark = BENCHMARKS.get(environment)
+    return None if benchmark is None else benchmark.task

@@ -186,7 +186,9 @@ def schedule(value: Any) -> Any:
 
 def _similar(name: str, known: Mapping[str, Any]) -> str:
     close = difflib.get_close_matches(name, known, n=3, cutoff=0.3)
-    return f" It has {', '.join(sorted(known))}." if not close else f" Close are {', '.join(close)}."
+    return (
+        f" It has {', '.join(sorted(known))}." if not close else f" Close are {', '.join(close)}."
+    )
 
 
 def _check(algorithm: str, name: str, value: Any, kind: Any) -> None:

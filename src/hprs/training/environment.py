@@ -38,7 +38,11 @@ def make_bare(environment: str, *, horizon: int | None = None, **options: Any) -
         return gym.make(name, max_episode_steps=horizon, **options)
     except gym.error.DependencyNotInstalled as error:
         raise UsageError(f"{environment} needs a package that is not installed: {error}") from None
-    except (gym.error.UnregisteredEnv, gym.error.NameNotFound, gym.error.NamespaceNotFound) as error:
+    except (
+        gym.error.UnregisteredEnv,
+        gym.error.NameNotFound,
+        gym.error.NamespaceNotFound,
+    ) as error:
         raise UsageError(
             f"unknown environment '{environment}'."
             f"{did_you_mean(name, gym.registry) or ' `hprs tasks` lists the built-in ones.'}"
@@ -89,6 +93,7 @@ def find_task(environment: str, path: str | None = None) -> tuple[Task, str]:
         return read_task(path)
     text = hprs.envs.task_text_of(environment)
     if text is None:
+        make_bare(environment).close()
         raise UsageError(
             f"'{environment}' has no task of its own. Give it one: --task FILE{TASK_SUFFIX}"
         )

@@ -10,7 +10,7 @@ from typing import Any
 
 
 class Interruption:
-    """While it is entered, the first SIGINT or SIGTERM sets `requested`; a second one acts as usual.
+    """While it is entered, the first SIGINT or SIGTERM sets `requested`; a second acts as usual.
 
     Args:
         notify: Called at the first signal.
@@ -30,7 +30,10 @@ class Interruption:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         """Give the signals back."""
         self._restore()

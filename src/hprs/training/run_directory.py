@@ -138,7 +138,7 @@ class RunDirectory:
         """
         found = _complete(self.path / "policy" / which)
         if found is None:
-            raise RunError(f"{self.path} has no {which} policy yet; is its training still starting?")
+            raise RunError(f"{self.path} has no {which} policy yet.")
         return found
 
 

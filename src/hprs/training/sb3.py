@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import gymnasium as gym
 import numpy as np
 
-from hprs.errors import RunError, UsageError
-from hprs.rewards.hierarchical import End
+from hprs.errors import RunError, UsageError, did_you_mean
+from hprs.rewards.hierarchical import ENDS, End
 from hprs.semantics.assessment import summarise
 from hprs.training import algorithms
 from hprs.training.checkpoint import Progress
@@ -92,6 +92,10 @@ def configure(
     for name, value in counts.items():
         if value is not None and value < 1:
             raise UsageError(f"the {name} must be at least 1, got {value}.")
+    if end not in ENDS:
+        raise UsageError(
+            f"unknown end '{end}'; choose one of {', '.join(ENDS)}.{did_you_mean(end, ENDS)}"
+        )
     task, text = find_task(environment, task_path)
     # Any discount will do to see that the reward exists and the environment has every signal.
     made = make_environment(environment, task, reward, end=end, discount=0.5, horizon=horizon)
@@ -171,7 +175,7 @@ def load_policy(run: RunDirectory, which: Which) -> Learner:
 
 
 def load_zip(path: Path) -> Learner:
-    """A policy in a file that Stable-Baselines3 wrote. Such a file can execute code: trust it first.
+    """A policy in a file that Stable-Baselines3 wrote. Such a file can execute code.
 
     Raises:
         UsageError: The file does not exist or is not such a file.
@@ -267,9 +271,7 @@ def _make_recorder(
         def record(self) -> None:
             step, configuration = self.model.num_timesteps, run.configuration
             seeds = episode_seeds(TRAINING_SEEDS, configuration.evaluation_episodes)
-            episodes = evaluate(
-                lambda: make_configured(configuration), Learner(self.model), seeds
-            )
+            episodes = evaluate(lambda: make_configured(configuration), Learner(self.model), seeds)
             self.progress = self.progress.evaluated(
                 step, episodes, configuration.evaluation_interval
             )
@@ -303,12 +305,14 @@ def _record(
 
 
 def _save_checkpoint(run: RunDirectory, model: BaseAlgorithm, progress: Progress) -> None:
+    from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
+
     with run.replacing("checkpoint") as folder:
         model.save(folder / MODEL)
         scale = model.get_vec_normalize_env()
         if scale is not None:
             scale.save(str(folder / REWARD_SCALE))
-        if hasattr(model, "save_replay_buffer"):
+        if isinstance(model, OffPolicyAlgorithm):
             model.save_replay_buffer(folder / REPLAY)
         progress.save(folder)
 
@@ -364,12 +368,13 @@ def _make_model(
 
 
 def _load_model(kind: type[BaseAlgorithm], environments: VecEnv, folder: Path) -> BaseAlgorithm:
+    from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
     from stable_baselines3.common.utils import set_random_seed
 
     if not (folder / MODEL).is_file():
         raise RunError(f"{folder} holds no {MODEL}.")
     model = kind.load(folder / MODEL, env=environments, device="cpu")
-    if (folder / REPLAY).is_file():
+    if isinstance(model, OffPolicyAlgorithm):
         model.load_replay_buffer(folder / REPLAY)
     # Loading has set the generators back to where the training began.
     set_random_seed(_derive_seed(model.seed or 0, model.num_timesteps))

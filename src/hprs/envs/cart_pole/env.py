@@ -1,4 +1,4 @@
-"""Gymnasium's cart pole, unchanged: its physics, its reward of 1 a step, its time step of 0.02 s."""
+"""Gymnasium's cart pole, unchanged: its physics, its reward of 1 a step, 0.02 s a step."""
 
 from gymnasium.envs.classic_control.cartpole import CartPoleEnv as CartPole
 from gymnasium.envs.classic_control.cartpole import CartPoleVectorEnv as CartPoleVector

@@ -1,0 +1,226 @@
+"""`hprs evaluate`: how well a policy meets each requirement."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+from hprs.errors import UsageError
+
+if TYPE_CHECKING:
+    from hprs.semantics.assessment import Assessment
+    from hprs.spec.task import Task
+    from hprs.training.policies import Policy
+    from hprs.wrappers.single import TaskWrapper
+
+
+@dataclass(frozen=True)
+class Evaluate:
+    """Assess a policy: S, S+T, S+T+C, PAM and every requirement, beside doing nothing and random.
+
+    A folder of several seeds is pooled, with the worst seed beside. The episodes are none of those
+    that chose the best policy. A .zip of Stable-Baselines3 can execute code: trust it first.
+
+    Examples:
+      hprs evaluate runs/hprs-CartPole-v0/hprs-ppo-1a2b3c4d/seed-0
+      hprs evaluate runs/hprs-CartPole-v0/hprs-ppo-1a2b3c4d --which best --episodes 100
+      hprs evaluate hprs/CartPole-v0 --policy random
+      hprs evaluate CartPole-v1 --task my_task.hprs --policy ppo.zip
+      hprs evaluate CartPole-v1 --task my_task.hprs --policy my_module:my_function --json
+    """
+
+    subject: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="RUN|ENV")]
+    """Run directory; with --policy, an environment."""
+    episodes: Annotated[int, tyro.conf.arg(metavar="N")] = 50
+    """Episodes of each policy."""
+    which: str = "last"
+    """The policy of a run: last, or best (by PAM)."""
+    task: Annotated[str | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
+    """Task file for an environment without its own; for a run, a task to assess it by instead."""
+    policy: Annotated[str | None, tyro.conf.arg(metavar="POLICY", help_behavior_hint="")] = None
+    """zero, random, a .zip of Stable-Baselines3, or module:function."""
+    horizon: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
+    """End episodes after this many steps; default: as trained, or as registered."""
+    json: bool = False
+    """Print JSON instead of a table."""
+
+    def run(self) -> int:
+        """Assess the policy."""
+        from hprs.training.evaluation import FINAL_SEEDS, episode_seeds, evaluate
+
+        if self.episodes < 1:
+            raise UsageError(f"--episodes must be at least 1, got {self.episodes}.")
+        title, make, policies = self._policy() if self.policy else self._run()
+        seeds = episode_seeds(FINAL_SEEDS, self.episodes)
+
+        def assessments(policy: Policy) -> list[Assessment]:
+            return [episode.assessment for episode in evaluate(make, policy, seeds)]
+
+        environment = make()
+        task, space = environment.task, environment.action_space
+        environment.close()
+        floors = {
+            name: assessments(policy)
+            for name, policy in _floors(space).items()
+            if self.policy != {"doing nothing": "zero"}.get(name, name)
+        }
+        found = {name: assessments(policy) for name, policy in policies.items()}
+        show = _print_json if self.json else _print
+        show(title, task, found, floors)
+        return 0
+
+    def _run(self) -> tuple[str, Callable[[], TaskWrapper], Mapping[str, Policy]]:
+        from hprs.errors import did_you_mean
+        from hprs.training import sb3
+        from hprs.training.environment import make_environment, read_task
+        from hprs.training.run_directory import WHICH, find_runs
+
+        if self.which not in WHICH:
+            raise UsageError(
+                f"--which is {' or '.join(WHICH)}, not '{self.which}'."
+                f"{did_you_mean(self.which, WHICH)}"
+            )
+        if not Path(self.subject).exists() and self._is_environment():
+            raise UsageError(
+                f"'{self.subject}' is an environment: name a policy too, as in --policy random."
+            )
+        runs = find_runs(Path(self.subject))
+        configuration = runs[0].configuration
+        task = read_task(self.task)[0] if self.task else configuration.task
+        horizon = self.horizon or configuration.horizon
+        policies = {
+            f"seed {run.configuration.seed}": sb3.load_policy(run, self.which) for run in runs
+        }
+        title = (
+            f"{configuration.environment}, {configuration.reward} reward, "
+            f"{configuration.algorithm}, {self.which} policy"
+        )
+        return (
+            title,
+            lambda: make_environment(configuration.environment, task, "sparse", horizon=horizon),
+            policies,
+        )
+
+    def _policy(self) -> tuple[str, Callable[[], TaskWrapper], Mapping[str, Policy]]:
+        from hprs.training.environment import find_task, make_environment
+
+        task, _ = find_task(self.subject, self.task)
+        environment = make_environment(self.subject, task, "sparse", horizon=self.horizon)
+        policy = _named_policy(str(self.policy), environment.action_space)
+        environment.close()
+        return (
+            f"{self.subject}, policy {self.policy}",
+            lambda: make_environment(self.subject, task, "sparse", horizon=self.horizon),
+            {"policy": policy},
+        )
+
+    def _is_environment(self) -> bool:
+        import gymnasium as gym
+
+        import hprs.envs
+
+        return self.subject in gym.registry or self.subject in hprs.envs.BENCHMARKS
+
+
+def _floors(space: Any) -> dict[str, Policy]:
+    from hprs.training.policies import RandomPolicy, do_nothing
+    from hprs.wrappers.signals import zero_action
+
+    floors: dict[str, Policy] = {"random": RandomPolicy(space, seed=0)}
+    if zero_action(space) is not None:
+        floors = {"doing nothing": do_nothing(space), **floors}
+    return floors
+
+
+def _named_policy(name: str, space: Any) -> Policy:
+    from hprs.training.policies import RandomPolicy, do_nothing, import_policy
+
+    if name == "zero":
+        return do_nothing(space)
+    if name == "random":
+        return RandomPolicy(space, seed=0)
+    if name.endswith(".zip"):
+        from hprs.training.sb3 import load_zip
+
+        return load_zip(Path(name))
+    if ":" in name:
+        return import_policy(name)
+    from hprs.errors import did_you_mean
+
+    raise UsageError(
+        f"unknown policy '{name}'; it is zero, random, a .zip of Stable-Baselines3, or "
+        f"module:function.{did_you_mean(name, ('zero', 'random'))}"
+    )
+
+
+def _worst(task: Task, found: Mapping[str, Sequence[Assessment]]) -> dict[str, tuple[float, str]]:
+    """Name of a measure to its lowest mean over a seed, and that seed."""
+    from hprs.training.measures import measures
+
+    each = {name: measures(task, assessments) for name, assessments in found.items()}
+    names = next(iter(each.values()))
+    return {name: min((each[seed][name].value, seed) for seed in each) for name in names}
+
+
+def _pool(found: Mapping[str, Sequence[Assessment]]) -> list[Assessment]:
+    return [assessment for assessments in found.values() for assessment in assessments]
+
+
+def _print_json(
+    title: str,
+    task: Task,
+    found: Mapping[str, Sequence[Assessment]],
+    floors: Mapping[str, Sequence[Assessment]],
+) -> None:
+    from hprs.cli.console import print_json
+    from hprs.training.measures import measures, outside_ranges
+
+    pooled = _pool(found)
+    content: dict[str, Any] = {
+        "subject": title,
+        "episodes": len(pooled),
+        "measures": {name: asdict(value) for name, value in measures(task, pooled).items()},
+        "floors": {
+            floor: {name: asdict(value) for name, value in measures(task, assessments).items()}
+            for floor, assessments in floors.items()
+        },
+        "outside_ranges": dict(outside_ranges(pooled)),
+        "decided_at_start": sum(bool(assessment.decided_at_start) for assessment in pooled),
+    }
+    if len(found) > 1:
+        content["worst"] = {
+            name: {"value": value, "of": seed}
+            for name, (value, seed) in _worst(task, found).items()
+        }
+    print_json(content)
+
+
+def _print(
+    title: str,
+    task: Task,
+    found: Mapping[str, Sequence[Assessment]],
+    floors: Mapping[str, Sequence[Assessment]],
+) -> None:
+    from hprs.cli.console import plural
+    from hprs.cli.measures_table import print_measures, print_notes
+    from hprs.training.measures import measures
+
+    pooled = _pool(found)
+    several = len(found) > 1
+    count = plural(len(pooled), "episode")
+    extra = {"worst seed": _worst(task, found)} if several else {}
+    print_measures(
+        f"{title}: {count}" + (f" of {len(found)} seeds" if several else ""),
+        task,
+        measures(task, pooled),
+        floors={
+            name: {key: measure.value for key, measure in measures(task, assessments).items()}
+            for name, assessments in floors.items()
+        },
+        worst=extra.get("worst seed"),
+    )
+    print_notes(pooled, several=several)

@@ -1,0 +1,101 @@
+"""Shows a training's progress: a bar on a terminal, one line an evaluation elsewhere."""
+
+from __future__ import annotations
+
+import time
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+from hprs.semantics.assessment import Summary
+from hprs.training.configuration import Configuration
+
+
+class TrainingProgress:
+    """A listener that prints.
+
+    Args:
+        console: Where to.
+        seeds: How many trainings follow one another.
+    """
+
+    def __init__(self, console: Console, seeds: int = 1) -> None:
+        self._console = console
+        self._seeds = seeds
+        self._bar: Progress | None = None
+        self._task = None
+        self._seed, self._total = 0, 0
+        self._first, self._started, self._drawn = 0, 0.0, 0.0
+
+    def started(self, configuration: Configuration, step: int) -> None:
+        """Open a bar, or say what starts."""
+        self._seed, self._total, self._first = configuration.seed, configuration.steps, step
+        self._started = time.monotonic()
+        if not self._console.is_terminal:
+            go_on = f", from step {step:,}" if step else ""
+            self._say(
+                f"{configuration.environment}, {configuration.reward} reward, "
+                f"{configuration.algorithm}, {configuration.steps:,} steps{go_on}"
+            )
+            return
+        self._bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("{task.completed:,.0f}/{task.total:,.0f} steps"),
+            TextColumn("{task.fields[rate]}"),
+            TextColumn("{task.fields[measures]}"),
+            TimeRemainingColumn(compact=True),
+            console=self._console,
+        )
+        self._task = self._bar.add_task(
+            f"seed {configuration.seed}",
+            total=configuration.steps,
+            completed=step,
+            rate="",
+            measures="",
+        )
+        self._bar.start()
+
+    def advanced(self, step: int) -> None:
+        """Move the bar, ten times a second."""
+        if self._bar is not None and self._task is not None:
+            now = time.monotonic()
+            if now - self._drawn > 0.1:
+                self._drawn = now
+                self._bar.update(self._task, completed=step, rate=f"{self._rate(step):,.0f}/s")
+
+    def evaluated(self, step: int, summary: Summary) -> None:
+        """Show how good the policy is."""
+        measures = f"PAM {summary.pam:.2f}  S {summary.safe:.2f}  S+T {summary.safe_target:.2f}"
+        if self._bar is not None and self._task is not None:
+            self._bar.update(self._task, completed=step, measures=measures)
+            return
+        rate = self._rate(step)
+        left = max(0, self._total - step) / rate if rate else 0.0
+        timing = f"  {rate:,.0f} steps/s, {_clock(left)} left" if rate else ""
+        self._say(f"step {step:>9,}  {measures}{timing}")
+
+    def stopping(self) -> None:
+        """Ask for patience."""
+        self._console.print("Stopping as soon as the state can be saved; Ctrl-C again stops now.")
+
+    def ended(self) -> None:
+        """Close the bar."""
+        if self._bar is not None:
+            self._bar.stop()
+            self._bar = None
+
+    def _rate(self, step: int) -> float:
+        passed = time.monotonic() - self._started
+        return (step - self._first) / passed if passed > 0.0 else 0.0
+
+    def _say(self, text: str) -> None:
+        prefix = f"seed {self._seed}  " if self._seeds > 1 else ""
+        self._console.print(prefix + text, soft_wrap=True)
+        self._console.file.flush()
+
+
+def _clock(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
