@@ -158,9 +158,8 @@ def conclude(
     """
     steps = tally.steps
     if max_length is not None and np.any(np.asarray(steps) > max_length):
-        raise ValueError(
-            f"an episode has {int(np.asarray(steps).max())} steps, more than max_length={max_length}."
-        )
+        longest = int(np.asarray(steps).max())
+        raise ValueError(f"an episode has {longest} steps, more than max_length={max_length}.")
     divisor = steps if max_length is None else max_length
     fractions = [count / divisor for count in tally.counts]
     safe = is_safe(tally)
@@ -270,20 +269,40 @@ def _check_trace(plan: Plan, trace: Signals) -> dict[str, Array]:
     listed = {name: trace[name] for name in plan.signals}
     xp = namespace_of(listed.values())
     values = {
-        name: np.asarray(value, dtype=float) if isinstance(value, list | tuple) else value
+        name: value if hasattr(value, "shape") else np.asarray(value, dtype=float)
         for name, value in listed.items()
     }
-    lengths = {name: value.shape[0] if value.shape else 0 for name, value in values.items()}
-    if len(set(lengths.values())) > 1:
-        raise TraceError(f"the signals of the trace differ in length: {lengths}.")
-    if min(lengths.values(), default=0) < 2:
-        raise TraceError("the trace needs the initial state and at least one step.")
+    _check_shapes(plan, {name: tuple(value.shape) for name, value in values.items()})
     for name, value in values.items():
         unknown = xp.isnan(value * 1.0)
         if xp.any(unknown):
             step = int(np.argwhere(np.asarray(unknown))[0][0])
             raise TraceError(f"signal '{name}' is NaN at step {step} of the trace.")
     return values
+
+
+def _check_shapes(plan: Plan, shapes: Mapping[str, tuple[int, ...]]) -> None:
+    lengths = {name: shape[0] if shape else 0 for name, shape in shapes.items()}
+    if len(set(lengths.values())) > 1:
+        raise TraceError(f"the signals of the trace differ in length: {lengths}.")
+    if min(lengths.values(), default=0) < 2:
+        raise TraceError("the trace needs the initial state and at least one step.")
+    vectors = {signal.name: signal.length for signal in plan.task.signals if signal.length}
+    batches: dict[str, tuple[int, ...]] = {}
+    for name, shape in shapes.items():
+        if name in vectors and (len(shape) < 2 or shape[-1] != vectors[name]):
+            raise TraceError(
+                f"signal '{name}' has {vectors[name]} components, but shape {shape} in the trace."
+            )
+        batches[name] = shape[:-1] if name in vectors else shape
+    first = plan.signals[0]
+    for name, batch in batches.items():
+        # Broadcasting would line time up with a batch axis.
+        if batch != batches[first]:
+            raise TraceError(
+                f"signal '{name}' has shape {shapes[name]} in the trace, "
+                f"which does not go with '{first}' of shape {shapes[first]}."
+            )
 
 
 def _count_outside(task: Task, values: Mapping[str, Array]) -> dict[str, Any]:
