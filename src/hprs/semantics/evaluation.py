@@ -6,15 +6,15 @@ shape; NumPy, JAX (under `jit`, `vmap`, `scan`) and PyTorch give the same number
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from types import ModuleType
-from typing import Any, NamedTuple, TypeAlias, cast
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 
 from hprs.errors import SignalError, did_you_mean
-from hprs.semantics.plan import Group, Plan, plan_of
+from hprs.semantics.plan import Evaluation, Group, Plan, plan_of
 from hprs.semantics.single_state import float_evaluator
 from hprs.spec.namespace import (
     Array,
@@ -28,28 +28,6 @@ from hprs.spec.task import Task
 
 Signals: TypeAlias = Mapping[str, Array]
 """Signal name to value; scalars have the batch shape, vectors one more axis at the end."""
-
-
-class Evaluation(NamedTuple):
-    """What a task says of a state, or of a batch of states.
-
-    The first three have one row a requirement on their first axis, in the order of `Plan.rows`; for
-    a single state of floats they are lists.
-    """
-
-    margins: Any
-    """Signed distance to the threshold; min and max through `and` and `or` (robustness)."""
-    satisfied: Any
-    """Whether the predicate holds; strictness counts at a margin of exactly 0."""
-    scores: Any
-    """Score r in [0, 1]: binary for safety, continuous otherwise (the paper, "Hierarchical
-    Potential-based Reward Shaping")."""
-    potential: Any
-    """Hierarchical potential Psi (the paper, equation `hrs_pot`), from 0 to the number of rows."""
-
-
-# Twice as fast as the named constructor, which the fast path calls every step.
-_new_evaluation: Callable[..., Evaluation] = cast(Any, tuple).__new__
 
 
 class EvaluatedSignals(dict[str, Array]):
@@ -100,7 +78,7 @@ _evaluator = lru_cache(maxsize=256)(float_evaluator)
 
 def evaluate_floats(plan: Plan, signals: Signals) -> Evaluation:
     """Evaluate one state of Python floats (vector signals: NumPy arrays); the fast path."""
-    return _new_evaluation(Evaluation, _evaluator(plan)(signals))
+    return _evaluator(plan)(signals)
 
 
 def evaluate_arrays(plan: Plan, signals: Signals, xp: ModuleType) -> Evaluation:

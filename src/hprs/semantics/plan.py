@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, reduce
 from types import ModuleType
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from hprs.spec.compiler import Margins, compile_margins, used_signals
 from hprs.spec.expression import And, Comparison, Predicate, comparisons
@@ -20,6 +20,22 @@ from hprs.spec.task import Requirement, Task
 T = TypeVar("T")
 
 
+class Evaluation(NamedTuple):
+    """What a task says of a state, or of a batch of states.
+
+    The first three have one row a requirement on their first axis, in the order of `Plan.rows`; for
+    a single state of floats they are lists.
+    """
+
+    margins: Any
+    """Signed distance to the threshold; min and max through `and` and `or` (robustness)."""
+    satisfied: Any
+    """Whether the predicate holds; strictness counts at a margin of exactly 0."""
+    scores: Any
+    """Score r in [0, 1]: binary for safety, continuous otherwise (the paper, "Hierarchical
+    Potential-based Reward Shaping")."""
+    potential: Any
+    """Hierarchical potential Psi (the paper, equation `hrs_pot`), from 0 to the number of rows."""
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
-from hprs.semantics.plan import Plan
+from hprs.semantics.plan import Evaluation, Plan
 from hprs.spec.compiler import compile_margins
 from hprs.spec.namespace import float_operations
 
@@ -19,15 +19,16 @@ Values: TypeAlias = Any
 Triple: TypeAlias = tuple[float, bool, float]
 """Margin, satisfaction and score of a row or of a part of it."""
 RowFunction: TypeAlias = Callable[[Values], Triple]
-Rows: TypeAlias = tuple[list[float], list[bool], list[float], float]
-"""Margins, satisfaction and scores, row by row, and the potential."""
+
+# Twice as fast as the named constructor.
+_new_evaluation: Callable[..., Evaluation] = cast(Any, tuple).__new__
 
 _STEP = -5e-324
 """The lower bound that makes the continuous score binary: the negative number closest to 0."""
 
 
-def float_evaluator(plan: Plan) -> Callable[[Mapping[str, Any]], Rows]:
-    """A function from the signals of one state to margins, satisfaction, scores and potential.
+def float_evaluator(plan: Plan) -> Callable[[Mapping[str, Any]], Evaluation]:
+    """A function that evaluates one state from its signals.
 
     Scalars are floats, vectors NumPy arrays.
     """
@@ -38,7 +39,7 @@ def float_evaluator(plan: Plan) -> Callable[[Mapping[str, Any]], Rows]:
     is_chain = _is_chain(plan)
     levels = [[rows[row] for row in group.members] for group in plan.groups] if is_chain else [rows]
 
-    def evaluate(signals: Mapping[str, Any]) -> Rows:
+    def evaluate(signals: Mapping[str, Any]) -> Evaluation:
         values: Any = signals
         if definitions:
             values = dict(signals)
@@ -67,14 +68,12 @@ def float_evaluator(plan: Plan) -> Callable[[Mapping[str, Any]], Rows]:
             weight *= product
         if not is_chain:
             potential = _general(plan, scores)
-        return found, satisfied, scores, potential
+        return _new_evaluation(Evaluation, (found, satisfied, scores, potential))
 
     return evaluate
 
 
-def _rows(
-    plan: Plan, functions: tuple[Any, ...]
-) -> list[tuple[Any, float, RowFunction | None]]:
+def _rows(plan: Plan, functions: tuple[Any, ...]) -> list[tuple[Any, float, RowFunction | None]]:
     """For each row its margin function and lower bound, or a function that says all of it.
 
     The second is for strict comparisons, and for `and` / `or`.

@@ -25,6 +25,7 @@ class Episode:
 
     def __init__(self, plan: Plan, *, end_on_violation: bool, end_on_target: bool) -> None:
         self._plan = plan
+        self._safety_count = plan.safety_count
         self._end_on_violation = end_on_violation and plan.safety_count > 0
         self._end_on_target = end_on_target and plan.achieves
         self._tally: Any = None
@@ -42,8 +43,9 @@ class Episode:
         self._tally = assessment.start(self._plan, satisfied)
         self._pending.clear()
         self._decided = False
+        self.add(satisfied)
+        self._pending.clear()
         self.steps = 0
-        self._decide(satisfied)
 
     def add(self, satisfied: list[bool]) -> bool:
         """Add a step; whether the task has decided the episode."""
@@ -52,19 +54,15 @@ class Episode:
         pending.append(satisfied)
         if len(pending) == _CHUNK:
             self._fold()
-        if False in satisfied or self._end_on_target:
-            self._decide(satisfied)
+        if self._end_on_violation and False in satisfied[: self._safety_count]:
+            self._decided = True
+        if self._end_on_target and satisfied[self._safety_count]:
+            self._decided = True
         return self._decided
 
     def conclude(self, outside: Mapping[str, int]) -> assessment.Assessment:
         """The assessment of the episode so far."""
         return assessment.conclude(self._plan, self._fold(), outside=outside)
-
-    def _decide(self, satisfied: list[bool]) -> None:
-        count = self._plan.safety_count
-        violated = self._end_on_violation and False in satisfied[:count]
-        met = self._end_on_target and satisfied[count]
-        self._decided = self._decided or violated or met
 
     def _fold(self) -> Any:
         tally = self._tally

@@ -14,8 +14,9 @@ from hprs.errors import SignalError
 from hprs.rewards.base import Reward
 from hprs.rewards.hierarchical import End
 from hprs.rewards.registry import make_reward
-from hprs.semantics.evaluation import EvaluatedSignals, Evaluation, evaluate_floats
-from hprs.semantics.plan import plan_of
+from hprs.semantics.evaluation import EvaluatedSignals
+from hprs.semantics.plan import Evaluation, plan_of
+from hprs.semantics.single_state import float_evaluator
 from hprs.spec.task import ENV_REWARD, Task
 from hprs.wrappers.episode import Episode
 from hprs.wrappers.signals import SignalFunction, make_reader, zero_action
@@ -98,6 +99,7 @@ class TaskWrapper(gym.Wrapper[Any, Any, Any, Any]):
         self._reader = make_reader(task, env.observation_space, env.action_space, signals)
         self._ranges = [(name, *_ends(task, name)) for name in self._plan.signals]
         self._labels = self._plan.labels
+        self._evaluate = float_evaluator(self._plan)
         self._reads_last_action = self._reader.reads_last_action
         self._zero_action = zero_action(env.action_space)
         self._episode = Episode(
@@ -118,7 +120,7 @@ class TaskWrapper(gym.Wrapper[Any, Any, Any, Any]):
         self._last_action = deepcopy(self._zero_action)
         values = EvaluatedSignals(self._reader.at_reset(observation, self._zero_action, info))
         self._to_floats(values, 0)
-        evaluation = evaluate_floats(self._plan, values)
+        evaluation = self._evaluate(values)
         if evaluation.potential != evaluation.potential:
             raise nan_margin(self._plan.by_label(evaluation.margins), 0)
         self._episode.start(evaluation.satisfied)
@@ -139,7 +141,7 @@ class TaskWrapper(gym.Wrapper[Any, Any, Any, Any]):
         step = episode.steps + 1
         values = self._reader.read_floats(observation, action, self._last_action, info)
         self._to_floats(values, step)
-        evaluation = evaluate_floats(plan, values)
+        evaluation = self._evaluate(values)
         if evaluation.potential != evaluation.potential:
             raise nan_margin(plan.by_label(evaluation.margins), step)
         if episode.add(evaluation.satisfied):
