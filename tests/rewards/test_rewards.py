@@ -1,0 +1,189 @@
+"""What every reward pays, episode by episode, on floats, NumPy, JAX and PyTorch."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import torch
+
+from hprs import make_reward, parse_task
+from hprs.errors import UsageError
+from hprs.rewards import ENDS, REWARDS, EnvironmentReward, Hierarchical, Reward, Sparse
+from hprs.spec.task import Task
+from tests.semantics.random_tasks import random_signals, random_task
+
+LINE = parse_task("signal x in [0, 1]\nensure low: x <= 0.95\nachieve there: x >= 0.8")
+STEPS = 12
+
+
+def rollout(
+    reward: Reward, trace: dict[str, Any], *, terminated: bool, truncated: bool
+) -> np.ndarray:
+    """The rewards of an episode of one state after the other."""
+    length = len(next(iter(trace.values())))
+    at = [{name: values[t] for name, values in trace.items()} for t in range(length)]
+    memory, paid = reward.init(at[0]), []
+    for t in range(1, length):
+        last = t == length - 1
+        memory, value = reward.step(memory, at[t], last and terminated, last and truncated)
+        paid.append(value)
+    return np.asarray(paid)
+
+
+def episodes(seed: int) -> tuple[Task, dict[str, Any], np.ndarray, np.ndarray]:
+    task = random_task(seed, target=("achieve", "conquer")[seed % 2], depth=2, preferences=seed % 3)
+    trace = random_signals(seed, task, (STEPS, 8))
+    return task, trace, task.potential(trace), rollout(Sparse(task), trace, terminated=True, truncated=False)
+
+
+def discounted(rewards: np.ndarray, discount: float) -> np.ndarray:
+    return np.tensordot(discount ** np.arange(len(rewards)), rewards, 1)
+
+
+@pytest.mark.parametrize("terminated", [True, False])
+@pytest.mark.parametrize("seed", range(30))
+def test_undiscounted_paper_shaping_is_the_difference_of_the_ends(
+    seed: int, terminated: bool
+) -> None:
+    task, trace, psi, base = episodes(seed)
+    paid = rollout(Hierarchical(task), trace, terminated=terminated, truncated=not terminated)
+    np.testing.assert_allclose((paid - base).sum(0), psi[-1] - psi[0], atol=1e-12)
+
+
+@pytest.mark.parametrize("discount", [0.9, 0.99, 1.0])
+@pytest.mark.parametrize("seed", range(20))
+def test_discounted_invariant_shaping_depends_on_the_ends_alone(
+    seed: int, discount: float
+) -> None:
+    task, trace, psi, base = episodes(seed)
+    reward = Hierarchical(task, "invariant", discount)
+    ended = rollout(reward, trace, terminated=True, truncated=False) - base
+    np.testing.assert_allclose(discounted(ended, discount), -psi[0], atol=1e-12)
+    # A truncated episode goes on in its value, so its last potential stays.
+    cut = rollout(reward, trace, terminated=False, truncated=True) - base
+    expected = discount ** (STEPS - 1) * psi[-1] - psi[0]
+    np.testing.assert_allclose(discounted(cut, discount), expected, atol=1e-12)
+    both = rollout(reward, trace, terminated=True, truncated=True) - base
+    np.testing.assert_allclose(both, ended)
+
+
+@pytest.mark.parametrize(("terminated", "truncated"), [(True, False), (False, True), (True, True)])
+@pytest.mark.parametrize("seed", range(10))
+def test_released_drops_shaping_on_the_last_transition(
+    seed: int, terminated: bool, truncated: bool
+) -> None:
+    task, trace, psi, base = episodes(seed)
+    paid = rollout(Hierarchical(task, "released"), trace, terminated=terminated, truncated=truncated)
+    np.testing.assert_allclose(paid[-1], base[-1])
+    np.testing.assert_allclose((paid - base).sum(0), psi[-2] - psi[0], atol=1e-12)
+
+
+def test_conventions_by_hand() -> None:
+    # x = 0.4, 0.6, 0.8: scores of `there` are 1 - 0.4/0.8 = 0.5, 0.75, 1; Psi = 1.5, 1.75, 2.
+    trace = {"x": [0.4, 0.6, 0.8]}
+    ended = dict(terminated=True, truncated=False)
+    assert rollout(Hierarchical(LINE), trace, **ended) == pytest.approx([0.25, 1 + 0.25])
+    assert rollout(Hierarchical(LINE, "released"), trace, **ended) == pytest.approx([0.25, 1.0])
+    # 0.9 * 1.75 - 1.5 = 0.075, and 1 + 0.9 * 0 - 1.75 = -0.75
+    assert rollout(Hierarchical(LINE, "invariant", 0.9), trace, **ended) == pytest.approx([0.075, -0.75])
+    assert rollout(Sparse(LINE), trace, **ended) == pytest.approx([0.0, 1.0])
+
+
+def test_sparse_pays_in_every_state_that_meets_the_target_safe_or_not() -> None:
+    trace = {"x": [0.9, 0.5, 0.8, 1.0, 0.7]}
+    paid = rollout(Sparse(LINE), trace, terminated=False, truncated=False)
+    assert paid.tolist() == [0.0, 1.0, 1.0, 0.0]
+
+
+def test_without_a_target_the_base_reward_is_zero() -> None:
+    task = parse_task("signal x in [0, 1]\nensure low: x <= 0.9")
+    assert Sparse(task).step(None, {"x": 0.5}, True, False) == (None, 0.0)
+    assert Sparse(task).step(None, {"x": np.ones(2)}, True, False)[1].tolist() == [0.0, 0.0]
+
+
+def test_env_passes_the_environments_own_reward() -> None:
+    reward = EnvironmentReward(LINE)
+    assert reward.init({"x": 0.0, "env_reward": 0.0}) is None
+    assert reward.step(None, {"x": 0.0, "env_reward": -3.5}, False, False) == (None, -3.5)
+
+
+@pytest.mark.parametrize("end", ENDS)
+def test_floats_numpy_jax_and_pytorch_are_paid_the_same(end: Any) -> None:
+    """Each environment of a batch ends at another step, for one reason or the other."""
+    reward = Hierarchical(LINE, end, 0.9)
+    rng = np.random.default_rng(5)
+    x = rng.uniform(size=(STEPS, 6))
+    terminated, truncated = rng.uniform(size=(2, STEPS, 6)) < 0.3
+
+    def whole(convert: Any) -> np.ndarray:
+        memory, paid = reward.init({"x": convert(x[0])}), []
+        for t in range(1, STEPS):
+            memory, value = reward.step(
+                memory, {"x": convert(x[t])}, convert(terminated[t]), convert(truncated[t])
+            )
+            paid.append(np.asarray(value))
+        return np.asarray(paid)
+
+    expected = whole(np.asarray)
+    np.testing.assert_allclose(whole(torch.asarray), expected)
+    for i in range(6):
+        alone = whole(lambda row, i=i: row[i].item())
+        np.testing.assert_allclose(alone, expected[:, i])
+
+    @jax.jit
+    def scanned(x: Any, terminated: Any, truncated: Any) -> Any:
+        def step(memory: Any, now: Any) -> Any:
+            return reward.step(memory, {"x": now[0]}, now[1], now[2])
+
+        return jax.lax.scan(step, reward.init({"x": x[0]}), (x[1:], terminated[1:], truncated[1:]))[1]
+
+    arrays = (jnp.asarray(x, jnp.float32), jnp.asarray(terminated), jnp.asarray(truncated))
+    np.testing.assert_allclose(scanned(*arrays), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", REWARDS)
+def test_every_reward_runs_in_one_scan(name: str) -> None:
+    reward = make_reward(name, LINE)
+    x = jnp.linspace(0.0, 1.0, 8)
+    signals = {"x": x, "env_reward": x}
+    flags = jnp.zeros(8, bool)
+    first = {key: value[0] for key, value in signals.items()}
+    _, paid = jax.lax.scan(
+        lambda memory, now: reward.step(memory, now, False, False), reward.init(first), signals
+    )
+    _, again = jax.lax.scan(
+        lambda memory, now: reward.step(memory, now[0], now[1], now[1]),
+        reward.init(first),
+        (signals, flags),
+    )
+    assert paid.shape == (8,)
+    np.testing.assert_allclose(paid, again)
+
+
+def test_rewards_by_name() -> None:
+    assert make_reward("hprs", LINE) == Hierarchical(LINE, "paper")
+    assert make_reward("hprs", LINE, end="invariant", discount=1) == Hierarchical(LINE, "invariant", 1)
+    assert make_reward("sparse", LINE) == Sparse(LINE)
+    assert make_reward("env", LINE) == EnvironmentReward(LINE)
+    assert Sparse(LINE).init({"x": 0.0}) is None
+
+
+BAD_REWARDS = [
+    ("hpsr", {}, r"unknown reward 'hpsr'; choose one of hprs, .*\. Did you mean 'hprs'\?"),
+    ("hprs", {"end": "papper"}, r"unknown end 'papper'; choose one of .* Did you mean 'paper'\?"),
+    ("hprs", {"end": "invariant"}, r"end='invariant' needs the learner's discount"),
+    ("hprs", {"end": "invariant", "discount": 1.1}, r"discount must lie in \(0, 1\], got 1\.1"),
+    ("hprs", {"end": "invariant", "discount": 0.0}, r"discount must lie in \(0, 1\], got 0\.0"),
+    ("hprs", {"discount": -1.0}, r"discount must lie in \(0, 1\], got -1\.0"),
+    ("hprs", {"end": "invariant", "discount": float("nan")}, r"discount must lie in .* got nan"),
+]
+
+
+@pytest.mark.parametrize(("name", "options", "message"), BAD_REWARDS)
+def test_rewards_that_do_not_exist(name: str, options: dict[str, Any], message: str) -> None:
+    with pytest.raises(UsageError, match=message):
+        make_reward(name, LINE, **options)
