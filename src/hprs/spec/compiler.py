@@ -142,12 +142,6 @@ class _Compiler:
     def _several(
         self, operation: Callable[..., Array], parts: Sequence[_Compiled], result: Inferred
     ) -> Function:
-        if any(part.function is None for part in parts[:1]) and operation in (
-            self._scalar["min"],
-            self._scalar["max"],
-        ):
-            # Arrays first: a running extremum that starts with two numbers has no namespace.
-            parts = sorted(parts, key=lambda part: part.function is None)
         functions = [self._aligned(part, result) for part in parts]
         constants = [part.constant for part in parts]
         if len(parts) == 2:

@@ -7,7 +7,6 @@ PyTorch) go through array-api-compat.
 from __future__ import annotations
 
 import math
-import operator
 from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache, reduce
 from types import ModuleType
@@ -61,14 +60,22 @@ def as_number(condition: Array) -> Array:
 @lru_cache
 def array_operations(xp: ModuleType) -> Operations:
     """The language's operations on arrays of one namespace."""
-    minimum, maximum = _extremum(xp, xp.minimum), _extremum(xp, xp.maximum)
+    minimum = _extremum(xp, xp.minimum, _minimum)
+    maximum = _extremum(xp, xp.maximum, _maximum)
+
+    def clip(x: Array, low: Array, high: Array) -> Array:
+        return minimum(maximum(x, low), high)
+
+    def norm(x: Array) -> Array:
+        return xp.sqrt(xp.sum(x * x, axis=-1))
+
     return {
-        "/": operator.truediv,
-        "**": operator.pow,
+        "/": _divide_arrays,
+        "**": _power_arrays,
         "abs": xp.abs,
         "min": minimum,
         "max": maximum,
-        "clip": lambda x, low, high: minimum(maximum(x, low), high),
+        "clip": clip,
         "sqrt": xp.sqrt,
         "exp": xp.exp,
         "log": xp.log,
@@ -78,17 +85,42 @@ def array_operations(xp: ModuleType) -> Operations:
         "atan2": _both(xp, xp.arctan2 if xp is np else xp.atan2),
         "hypot": _both(xp, xp.hypot),
         "sign": xp.sign,
-        "reduce min": lambda x: xp.min(x, axis=-1),
-        "reduce max": lambda x: xp.max(x, axis=-1),
-        "reduce sum": lambda x: xp.sum(x, axis=-1),
-        "reduce mean": lambda x: xp.mean(x, axis=-1),
-        "reduce norm": lambda x: xp.sqrt(xp.sum(x * x, axis=-1)),
+        "reduce min": _on_last_axis(xp.min),
+        "reduce max": _on_last_axis(xp.max),
+        "reduce sum": _on_last_axis(xp.sum),
+        "reduce mean": _on_last_axis(xp.mean),
+        "reduce norm": norm,
     }
+
+
+def both(a: Any, b: Any) -> Any:
+    """Conjunction of truth values or arrays of them."""
+    return a & b
+
+
+def either(a: Any, b: Any) -> Any:
+    """Disjunction of truth values or arrays of them."""
+    return a | b
 
 
 def float_operations() -> Operations:
     """The language's operations on Python floats, with NumPy's answers where Python would raise."""
     return _FLOAT_OPERATIONS
+
+
+def _divide_arrays(a: Array, b: Array) -> Array:
+    return a / b
+
+
+def _power_arrays(a: Array, b: Array) -> Array:
+    return a**b
+
+
+def _on_last_axis(function: Callable[..., Array]) -> Callable[[Array], Array]:
+    def apply(x: Array) -> Array:
+        return function(x, axis=-1)
+
+    return apply
 
 
 def _both(xp: ModuleType, function: Callable[[Array, Array], Array]) -> Callable[..., Array]:
@@ -98,7 +130,7 @@ def _both(xp: ModuleType, function: Callable[[Array, Array], Array]) -> Callable
 
     def apply(a: Array, b: Array) -> Array:
         if isinstance(a, float):
-            a = xp.asarray(a) if isinstance(b, float) else xp.full_like(b, a)
+            a = xp.full_like(b, a)
         if isinstance(b, float):
             b = xp.full_like(a, b)
         return function(a, b)
@@ -106,9 +138,19 @@ def _both(xp: ModuleType, function: Callable[[Array, Array], Array]) -> Callable
     return apply
 
 
-def _extremum(xp: ModuleType, function: Callable[[Array, Array], Array]) -> Callable[..., Array]:
-    pairwise = _both(xp, function)
-    return lambda first, *others: reduce(pairwise, others, first)
+def _extremum(
+    xp: ModuleType, function: Callable[[Array, Array], Array], plain: Callable[..., float]
+) -> Callable[..., Array]:
+    of_arrays = _both(xp, function)
+
+    def pairwise(a: Array, b: Array) -> Array:
+        # Two numbers, as in clip(0.1, 0, x), stay a number: an array would fix their precision.
+        return (plain if isinstance(a, float) and isinstance(b, float) else of_arrays)(a, b)
+
+    def extremum(first: Array, *others: Array) -> Array:
+        return reduce(pairwise, others, first)
+
+    return extremum
 
 
 def _minimum(a: float, b: float, *others: float) -> float:
@@ -126,7 +168,9 @@ def _divide(a: float, b: float) -> float:
     try:
         return a / b
     except ZeroDivisionError:
-        return math.nan if a == 0.0 or a != a else math.copysign(math.inf, a) * math.copysign(1.0, b)
+        return (
+            math.nan if a == 0.0 or a != a else math.copysign(math.inf, a) * math.copysign(1.0, b)
+        )
 
 
 def _power(a: float, b: float) -> float:
@@ -160,6 +204,19 @@ def _log(x: float) -> float:
     return -math.inf if x == 0.0 else math.nan if x < 0.0 else math.log(x)
 
 
+def _clip(x: float, low: float, high: float) -> float:
+    return _minimum(_maximum(x, low), high)
+
+
+def _reduced(function: Callable[..., Any]) -> Callable[[Array], float]:
+    """A reduction of a vector of one state to a float."""
+
+    def apply(x: Array) -> float:
+        return float(function(x))
+
+    return apply
+
+
 def _sign(x: float) -> float:
     return x if x != x else float((x > 0.0) - (x < 0.0))
 
@@ -170,7 +227,7 @@ _FLOAT_OPERATIONS: Operations = {
     "abs": abs,
     "min": _minimum,
     "max": _maximum,
-    "clip": lambda x, low, high: _minimum(_maximum(x, low), high),
+    "clip": _clip,
     "sqrt": _or_nan(math.sqrt),
     "exp": _exp,
     "log": _log,
@@ -180,9 +237,9 @@ _FLOAT_OPERATIONS: Operations = {
     "atan2": math.atan2,
     "hypot": math.hypot,
     "sign": _sign,
-    "reduce min": lambda x: float(x.min()),
-    "reduce max": lambda x: float(x.max()),
-    "reduce sum": lambda x: float(x.sum()),
-    "reduce mean": lambda x: float(x.mean()),
-    "reduce norm": lambda x: math.sqrt(float((x * x).sum())),
+    "reduce min": _reduced(np.min),
+    "reduce max": _reduced(np.max),
+    "reduce sum": _reduced(np.sum),
+    "reduce mean": _reduced(np.mean),
+    "reduce norm": _reduced(np.linalg.norm),
 }
