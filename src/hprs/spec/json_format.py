@@ -185,6 +185,8 @@ class _Place:
         """A whole number."""
         if not isinstance(self.value, int) or isinstance(self.value, bool):
             raise self.wrong("a whole number")
+        if abs(self.value) >= 10**9:
+            raise self.wrong("a whole number below 10 ** 9")
         return self.value
 
     def choice(self, options: Mapping[str, _T]) -> _T | None:

@@ -19,11 +19,11 @@ from hprs.spec.task import CLASSES, KEYWORDS, ROOTS
 STATEMENTS = ("signal", "const", "let", *CLASSES, "prefer")
 """The words that start a statement."""
 
-_EQUALITY = "Write abs(a - b) <= tolerance."
+_EQUALITY = "abs(a - b) <= tolerance."
 _PASTED = "It is not the plain sign it looks like; type it again."
 _SYMBOLS: Mapping[str, str] = MappingProxyType(
     {
-        "==": f"two measured numbers are almost never equal, so there is no '=='. {_EQUALITY}",
+        "==": f"measured numbers are almost never equal, so there is no '=='. Write {_EQUALITY}",
         "!=": "there is no '!='. Write abs(a - b) >= tolerance.",
         "<>": "there is no '<>'. Write abs(a - b) >= tolerance.",
         "=<": "'=<' is written the other way round: '<='.",
@@ -171,8 +171,10 @@ def _requirement(before: Sequence[Word], found: Word) -> str | None:
     if len(before) == 3 and found.is_end:
         return f"requirement {label} has no condition: {kind} {label.text}: CONDITION."
     if found.text == "=":
-        return f"'=' declares names and does not compare. Use <= or >=. For a == b: {_EQUALITY}"
-    if found.text == "in":
+        return (
+            f"'=' declares names and does not compare. Use <= or >=, or for equality: {_EQUALITY}"
+        )
+    if found.text == "in" and before[-1].ends_value:
         return "`in` belongs to declarations. For a range of values write LOW <= x <= HIGH."
     return None
 
@@ -185,7 +187,9 @@ def _declaration(before: Sequence[Word], found: Word) -> str | None:
     if len(before) == 2:
         if found.text == "[":
             return f"only signals state a length; {name} takes its own from its expression."
-        return f"{name} needs a value: {keyword} {name.text} = EXPRESSION."
+        if found.text == ":":
+            return f"'{keyword}' declares with '=': {keyword} {name.text} = EXPRESSION."
+        return f"{name} needs '=' and a value: {keyword} {name.text} = EXPRESSION."
     if found.text == "=":
         return "a declaration has one '='. Declare each name on a line of its own."
     if found.text == "in":
@@ -207,6 +211,8 @@ def _signal(before: Sequence[Word], found: Word) -> str | None:
         return f"the length of {name} is a whole number, as in signal {name.text}[3]."
     if "=" in texts:
         return _source(name, last, found)
+    if found.is_unit:
+        return _no_range(name)
     return _no_range(name) if found.is_end else _signal_order(found)
 
 
@@ -215,11 +221,11 @@ def _source(name: Word, last: str, found: Word) -> str | None:
         return f"the source of signal {name} reads {', '.join(ROOTS)}, as in {ROOTS[0]}[0]."
     if last in ("[", "-", ":") or (last.isdigit() and found.text in (",", ":", "-")):
         return "a source has one index: a whole number or a slice such as 0:3, for the last axis."
-    if last == "[" or (found.is_number and found.text.startswith(".")) or last == ".":
-        return "an entry of a dictionary is written obs.key; read a component as obs[0]."
     if last == "]" and found.text in ("[", "."):
         return "a source is a path of keys and then one index for the last axis: obs.pose[0]."
-    if found.is_end:
+    if last == "." or found.text.startswith("."):
+        return "an entry of a dictionary is written obs.key; read a component as obs[0]."
+    if found.is_end or found.is_unit:
         return _no_range(name)
     if found.text in ("+", "-", "*", "/", "**", "("):
         return f"a source only reads. Compute with `let`, as in let NAME = 2 * {name.text}."
@@ -258,7 +264,7 @@ def _no_name(keyword: str, found: Word) -> str:
 
 
 def _no_range(name: Word) -> str:
-    return f"signal {name} needs a range at the end of its line: in [LOW, HIGH]."
+    return f"signal {name} needs a range here: in [LOW, HIGH]."
 
 
 def _signal_order(found: Word) -> str:
@@ -275,9 +281,16 @@ def _operand(before: Sequence[Word], found: Word) -> str | None:
         return None
     if last.text in FUNCTIONS:
         return f"{last.text} is a function: write {last.text}(...)."
+    if last.is_number and found.text.startswith("_") and _touch(last, found):
+        return f"a number has no separators: write {last.text}{found.text.replace('_', '')}."
     if last.is_number and found.is_name:
         return f"an operator is missing: write {last.text} * {found.text}."
     return f"an operator is missing between {last} and {found}."
+
+
+def _touch(first: Word, second: Word) -> bool:
+    ends = (first.position.line, first.position.column + first.position.width)
+    return ends == (second.position.line, second.position.column)
 
 
 def _sign(before: Sequence[Word], found: Word) -> str | None:

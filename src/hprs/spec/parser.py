@@ -344,11 +344,11 @@ class _Builder(Transformer[Token, Task]):
 
     def disjunction(self, *parts: _Value) -> Or:
         position = _span(parts[0].position, parts[-1].position)
-        return Or(tuple(_condition(part, "`or` joins") for part in parts), position=position)
+        return Or(tuple(_condition(part, "each side of `or` needs") for part in parts), position=position)
 
     def conjunction(self, *parts: _Value) -> And:
         position = _span(parts[0].position, parts[-1].position)
-        return And(tuple(_condition(part, "`and` joins") for part in parts), position=position)
+        return And(tuple(_condition(part, "each side of `and` needs") for part in parts), position=position)
 
     def comparison(self, *parts: _Value | Token) -> Predicate:
         sides = [_number(cast(_Value, part)) for part in parts[::2]]

@@ -1,0 +1,209 @@
+from __future__ import annotations
+
+import copy
+import math
+import pickle
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from hprs.errors import SpecValidationError
+from hprs.spec.expression import (
+    MAX_DEPTH,
+    And,
+    Binary,
+    Call,
+    Comparison,
+    Expression,
+    Name,
+    Negate,
+    Number,
+    Operand,
+    Or,
+    as_expression,
+    call,
+    comparisons,
+    names,
+)
+from hprs.spec.parser import parse_task
+from hprs.spec.task import Constant, Definition, Signal
+
+X, Y, Z = Name("x"), Name("y"), Name("z")
+SIGNALS = "signal x in [0.5, 2]\nsignal y in [0.5, 2]\nsignal z in [0.5, 2]\n"
+
+
+@pytest.mark.parametrize(
+    ("built", "text"),
+    [
+        (X + Y, "x + y"),
+        (X + 1, "x + 1"),
+        (1 + X, "1 + x"),
+        (X - 1, "x - 1"),
+        (1 - X, "1 - x"),
+        (X * 2, "x * 2"),
+        (2 * X, "2 * x"),
+        (X / 2, "x / 2"),
+        (2 / X, "2 / x"),
+        (X**2, "x ** 2"),
+        (-X, "-x"),
+        (abs(X), "abs(x)"),
+        (-(X + Y) * 2, "-(x + y) * 2"),
+        (X - -1, "x - -1"),
+        (call("hypot", X, 2), "hypot(x, 2)"),
+        (as_expression(-0.5), "-0.5"),
+        (as_expression(np.float64(0.5)), "0.5"),
+    ],
+)
+def test_python_operators_build_what_the_text_says(built: Expression, text: str) -> None:
+    assert parse_task(f"{SIGNALS}let e = {text}").definitions[0].value == built
+
+
+@pytest.mark.parametrize(
+    ("built", "text"),
+    [
+        (X <= 1, "x <= 1"),
+        (X < Y, "x < y"),
+        (X >= 1, "x >= 1"),
+        (X > 1, "x > 1"),
+        ((X <= 1) & (Y <= 1), "x <= 1 and y <= 1"),
+        ((X <= 1) | (Y <= 1), "x <= 1 or y <= 1"),
+        (((X <= 1) | (Y <= 1)) & (Z <= 1), "(x <= 1 or y <= 1) and z <= 1"),
+        (((X <= 1) & (Y <= 1)) & (Z <= 1), "x <= 1 and y <= 1 and z <= 1"),
+        ((X <= 1) | ((Y <= 1) | (Z <= 1)), "x <= 1 or y <= 1 or z <= 1"),
+    ],
+)
+def test_python_predicates_build_what_the_text_says(
+    built: Comparison | And | Or, text: str
+) -> None:
+    assert parse_task(f"{SIGNALS}ensure r: {text}").requirements[0].predicate == built
+
+
+def test_signals_constants_and_definitions_stand_for_their_names() -> None:
+    declared = (Signal("x", 0, 1), Constant("x", Number(1.0)), Definition("x", Number(1.0)))
+    for operand in declared:
+        assert operand.expression() == X
+        assert operand + 1 == X + 1
+        assert (operand <= 1) == (X <= 1)
+
+
+def test_an_operand_of_no_kind_has_no_expression() -> None:
+    with pytest.raises(NotImplementedError):
+        Operand().expression()
+
+
+@pytest.mark.parametrize("value", [math.nan, -1.0, -0.0, math.inf, 10**400])
+def test_a_number_is_finite_and_not_negative(value: float) -> None:
+    with pytest.raises(SpecValidationError, match="must be finite and not negative"):
+        Number(value)
+
+
+@pytest.mark.parametrize(
+    ("value", "expression"),
+    [
+        (2, Number(2.0)),
+        (-2.5, Negate(Number(2.5))),
+        (-0.0, Negate(Number(0.0))),
+        (math.inf, Name("inf")),
+        (-math.inf, Negate(Name("inf"))),
+    ],
+)
+def test_python_numbers_become_expressions(value: float, expression: Expression) -> None:
+    assert as_expression(value) == expression
+
+
+@pytest.mark.parametrize("value", ["x", None, True, 1j, [1.0]])
+def test_other_python_values_do_not(value: object) -> None:
+    with pytest.raises(TypeError, match="Expected a number or an expression"):
+        as_expression(value)  # type: ignore[arg-type]
+
+
+def test_nan_and_integers_beyond_the_floats_are_refused() -> None:
+    with pytest.raises(SpecValidationError, match="finite"):
+        as_expression(math.nan)
+    with pytest.raises(SpecValidationError, match="too large"):
+        as_expression(10**400)
+
+
+@pytest.mark.parametrize(
+    ("build", "message"),
+    [
+        (lambda: call("eval", X), "unknown function 'eval'"),
+        (lambda: call("abs"), r"abs\(\) takes 1 argument, got 0"),
+        (lambda: call("min"), r"min\(\) takes at least 1 arguments, got 0"),
+        (lambda: call("atan2", X), r"atan2\(\) takes 2 arguments, got 1"),
+        (lambda: And((X <= 1,)), "at least two parts"),
+        (lambda: Or(()), "at least two parts"),
+    ],
+)
+def test_malformed_nodes_are_refused(build: Callable[[], object], message: str) -> None:
+    with pytest.raises(SpecValidationError, match=message):
+        build()
+
+
+def test_a_predicate_is_no_truth_value() -> None:
+    with pytest.raises(TypeError, match="no truth value"):
+        bool(X <= 1)
+    with pytest.raises(TypeError, match="no truth value"):
+        _ = 0 <= X <= 1  # type: ignore[operator]
+
+
+def nested(depth: int) -> Expression:
+    expression: Expression = X
+    for _ in range(depth - 1):
+        expression = Negate(expression)
+    return expression
+
+
+def test_depth_is_bounded_for_every_kind_of_node() -> None:
+    deepest = nested(MAX_DEPTH)
+    assert deepest.depth == MAX_DEPTH
+    for build in (
+        lambda: Negate(deepest),
+        lambda: Binary("+", deepest, X),
+        lambda: Binary("+", X, deepest),
+        lambda: Call("min", (X, deepest)),
+        lambda: Comparison(X, "<=", deepest),
+        lambda: And((X <= 1, Comparison(nested(MAX_DEPTH - 1), "<=", X))),
+    ):
+        with pytest.raises(SpecValidationError, match="nested deeper than 100"):
+            build()
+
+
+def test_the_deepest_expression_can_be_compared_hashed_shown_copied_and_pickled() -> None:
+    deepest = nested(MAX_DEPTH)
+    assert deepest == nested(MAX_DEPTH)
+    assert hash(deepest) == hash(nested(MAX_DEPTH))
+    assert repr(deepest).count("Negate") == MAX_DEPTH - 1
+    assert copy.deepcopy(deepest) == pickle.loads(pickle.dumps(deepest)) == deepest
+    assert names(deepest) == {"x"}
+
+
+def test_arguments_are_frozen_into_a_tuple() -> None:
+    assert Call("min", [X, Y]) == Call("min", (X, Y))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("comparison", "margin", "strict"),
+    [
+        (X <= Y, Y - X, False),
+        (X < Y, Y - X, True),
+        (X >= Y, X - Y, False),
+        (X > Y, X - Y, True),
+    ],
+)
+def test_a_margin_is_positive_when_the_comparison_holds(
+    comparison: Comparison, margin: Binary, *, strict: bool
+) -> None:
+    assert comparison.margin == margin
+    assert comparison.strict == strict
+
+
+def test_comparisons_are_listed_from_left_to_right() -> None:
+    predicate = ((X <= 1) | ((Y <= 1) & (Z <= 1))) & (X >= 0)
+    assert comparisons(predicate) == (X <= 1, Y <= 1, Z <= 1, X >= 0)
+
+
+def test_names_leave_out_numbers_and_builtin_constants() -> None:
+    predicate = (call("max", X, 2) <= Name("pi")) | (-Y / Name("deg") <= Z)
+    assert names(predicate) == {"x", "y", "z"}

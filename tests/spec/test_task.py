@@ -1,0 +1,150 @@
+from __future__ import annotations
+
+import copy
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable
+
+import pytest
+from hypothesis import given
+
+from hprs.errors import Position, SpecError, SpecValidationError, did_you_mean
+from hprs.spec.expression import Name, Number
+from hprs.spec.parser import parse_task
+from hprs.spec.task import (
+    MAX_REQUIREMENTS,
+    Constant,
+    Definition,
+    Preference,
+    Requirement,
+    Signal,
+    Source,
+    Task,
+)
+from tests.strategies import tasks
+
+X = Name("x")
+
+
+def test_a_task_can_be_built_in_python_with_lists() -> None:
+    x = Signal("x", -1, 1, unit="m")
+    mark = Constant("mark", 0.5)  # type: ignore[arg-type]
+    off = Definition("off", abs(x - mark))
+    built = Task(
+        signals=[x],  # type: ignore[arg-type]
+        constants=[mark],  # type: ignore[arg-type]
+        definitions=[off],  # type: ignore[arg-type]
+        requirements=[Requirement("conquer", "parked", off <= 0.25)],  # type: ignore[arg-type]
+    )
+    assert built == parse_task(
+        'signal x in [-1, 1] "m"\nconst mark = 0.5\nlet off = abs(x - mark)\n'
+        "conquer parked: off <= 0.25"
+    )
+
+
+@given(tasks())
+def test_tasks_survive_copying_and_pickling(task: Task) -> None:
+    for twin in (copy.deepcopy(task), pickle.loads(pickle.dumps(task))):
+        assert twin == task
+        assert hash(twin) == hash(task)
+
+
+def test_a_pickled_task_hashes_anew_in_another_process() -> None:
+    task = parse_task("signal x in [0, 1]\nensure a: x <= 0.5")
+    assert hash(task) == hash(task)
+    code = (
+        "import pickle, sys; t = pickle.loads(sys.stdin.buffer.read()); u = type(t)(t.signals, "
+        "t.requirements); print(t == u, hash(t) == hash(u))"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code], input=pickle.dumps(task), capture_output=True, check=True
+    )
+    assert run.stdout.split() == [b"True", b"True"]
+
+
+def test_a_task_is_checked_even_without_assertions() -> None:
+    code = "from hprs.spec.parser import parse_task; parse_task('ensure a: x <= 1')"
+    run = subprocess.run([sys.executable, "-O", "-c", code], capture_output=True, check=False)
+    assert b"unknown name 'x'" in run.stderr
+
+
+def test_classes_labels_target_bounds_and_ranges_are_read_off() -> None:
+    task = parse_task(
+        "signal x in [0, 4]\nlet d = 2 * x\nensure a: x <= 3\n"
+        "conquer b: d >= 6\nencourage c: x >= 1"
+    )
+    assert [r.requirement_class for r in task.requirements] == ["safety", "target", "comfort"]
+    assert task.labels == ("a", "b", "c")
+    assert task.target == task.requirements[1]
+    assert task.bounds == {"a": (-1, 3), "b": (-6, 2), "c": (-1, 3)}
+    assert (task.ranges["d"].low, task.ranges["d"].high) == (0, 8)
+    assert task.remarks == ()
+    assert Task().target is None
+
+
+@pytest.mark.parametrize(
+    ("source", "text"),
+    [
+        (Source("obs"), "obs"),
+        (Source("obs", ("pose", "x"), 3), "obs.pose.x[3]"),
+        (Source("action", (), -1), "action[-1]"),
+        (Source("obs", (), (None, 3)), "obs[:3]"),
+        (Source("obs", (), (-3, None)), "obs[-3:]"),
+    ],
+)
+def test_a_source_shows_as_written(source: Source, text: str) -> None:
+    assert str(source) == text
+
+
+@pytest.mark.parametrize(
+    ("build", "message"),
+    [
+        (lambda: Source("env"), "a source reads obs, action, last_action, info, not 'env'"),
+        (lambda: Source("info"), "info is a dictionary: name its entry"),
+        (lambda: Source("action", ("x",)), "action has no entries"),
+        (lambda: Source("obs", ("two words",)), "the key 'two words' of a source is not a name"),
+        (lambda: Source("obs", ("größe",)), "is not a name"),
+        (lambda: Source("obs", (), 2_000_000), "an index goes from"),
+        (lambda: Source("obs", (), (0, 2_000_000)), "an index goes from"),
+        (lambda: Signal("x", 0, 1, length=0), "needs a length from 1 to 1000000, got 0"),
+        (lambda: Signal("x", 0, 1, unit='"'), "neither quotes nor control characters"),
+        (lambda: Signal("x", 0, 1, unit="a\nb"), "neither quotes nor control characters"),
+        (lambda: Definition("d", X, Number(0.0)), "the range of 'd' needs both ends"),
+        (lambda: Requirement("always", "a", X <= 1), "a requirement is one of ensure"),  # type: ignore[arg-type]
+    ],
+)
+def test_statements_that_cannot_be_meant_are_refused(
+    build: Callable[[], object], message: str
+) -> None:
+    with pytest.raises(SpecValidationError, match=message):
+        build()
+
+
+def test_the_numbers_of_requirements_and_preferences_are_bounded() -> None:
+    requirements = tuple(
+        Requirement("ensure", f"r{i}", Name("x") <= 0.5) for i in range(MAX_REQUIREMENTS)
+    )
+    x = Signal("x", 0, 1)
+    assert len(Task((x,), requirements).labels) == MAX_REQUIREMENTS
+    with pytest.raises(SpecValidationError, match="may have 500 requirements, got 501"):
+        Task((x,), (*requirements, Requirement("ensure", "last", X <= 0.5)))
+    with pytest.raises(SpecValidationError, match="may have 500 preferences, got 501"):
+        Task((x,), requirements, preferences=(Preference("r0", "r1"),) * 501)
+
+
+def test_errors_without_a_text_show_what_is_known() -> None:
+    place = Position(2, 3)
+    assert str(SpecError("Bad.")) == "Bad."
+    assert str(SpecError("Bad.", path="a.hprs")) == "a.hprs: Bad."
+    assert str(SpecError("Bad.", place)) == "task:2:3: Bad."
+    assert str(SpecError("Bad.", place, path="a.hprs")) == "a.hprs:2:3: Bad."
+    assert str(SpecError("Bad.", place, text="one line")).splitlines()[1:] == [
+        "    2 | ",
+        "      |   ^",
+    ]
+
+
+def test_suggestions_come_for_close_names_only() -> None:
+    assert did_you_mean("thetta", ["theta", "x"]) == " Did you mean 'theta'?"
+    assert did_you_mean("speed", ["theta", "x"]) == ""
