@@ -113,14 +113,9 @@ def test_wrapping_outside_equals_wrapping_inside_synchronous_environments(mode):
 
 
 def test_asynchronous_environments_give_the_same_rewards():
-    class Quiet(Slider):
-        def step(self, action):
-            observation, reward, terminated, truncated, info = super().step(action)
-            return observation, reward, terminated, truncated, info
-
     task = slider_task()
     asynchronous = wrap_vector(
-        AsyncVectorEnv([Slider] * 2, autoreset_mode=AutoresetMode.SAME_STEP), task
+        AsyncVectorEnv([Slider] * 2, context="spawn", autoreset_mode=AutoresetMode.SAME_STEP), task
     )
     synchronous = wrap_vector(
         SyncVectorEnv([Slider] * 2, autoreset_mode=AutoresetMode.SAME_STEP), task
@@ -150,7 +145,7 @@ def cart_pole_task():
 def test_asynchronous_next_step_resets_what_the_task_ends():
     make = lambda: gym.make("CartPole-v1")  # noqa: E731
     task = cart_pole_task()
-    envs = wrap_vector(AsyncVectorEnv([make] * 2), task)
+    envs = wrap_vector(AsyncVectorEnv([make] * 2, context="spawn"), task)
     reference = wrap_vector(SyncVectorEnv([make] * 2), task)
     envs.reset(seed=1)
     reference.reset(seed=1)
