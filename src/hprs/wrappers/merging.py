@@ -1,4 +1,4 @@
-"""Merges rows of batches: of reward memories, and of Gymnasium's masked info dictionaries."""
+"""Rows of batches: of observations, reward memories, and Gymnasium's masked info dictionaries."""
 
 from __future__ import annotations
 
@@ -52,3 +52,38 @@ def _where(mask: Any, new: Any, old: Any) -> Any:
     merged = np.array(old, dtype=np.result_type(new, old) if old.dtype != object else object)
     merged[mask] = np.asarray(new)[mask]
     return merged
+
+
+def masked(entries: dict[str, Any], mask: Any) -> dict[str, Any]:
+    """Info entries with their masks `_key` beside them."""
+    return entries | {f"_{key}": mask for key in entries}
+
+
+def take_row(batch: Any, row: Any) -> Any:
+    """A copy of one row of a batch of observations, dictionaries and tuples included."""
+    if isinstance(batch, dict):
+        return {key: take_row(value, row) for key, value in batch.items()}
+    if isinstance(batch, tuple):
+        return tuple(take_row(value, row) for value in batch)
+    return np.array(batch[row])
+
+
+def copy_batch(batch: Any) -> Any:
+    """A copy of a batch of observations, dictionaries and tuples included."""
+    if isinstance(batch, dict):
+        return {key: copy_batch(value) for key, value in batch.items()}
+    if isinstance(batch, tuple):
+        return tuple(copy_batch(value) for value in batch)
+    return np.array(batch)
+
+
+def set_row(batch: Any, row: Any, value: Any) -> None:
+    """Write one row of a batch of observations in place."""
+    if isinstance(batch, dict):
+        for key, part in batch.items():
+            set_row(part, row, value[key])
+    elif isinstance(batch, tuple):
+        for part, item in zip(batch, value, strict=True):
+            set_row(part, row, item)
+    else:
+        batch[row] = value

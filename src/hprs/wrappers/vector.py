@@ -11,9 +11,9 @@ from typing import Any, cast
 
 import numpy as np
 from gymnasium import wrappers as gym_wrappers
-from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorEnv, VectorWrapper
+from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 
-from hprs.errors import SignalError, UsageError
+from hprs.errors import SignalError
 from hprs.rewards.base import Reward
 from hprs.rewards.hierarchical import End
 from hprs.rewards.registry import make_reward
@@ -21,11 +21,18 @@ from hprs.semantics import assessment
 from hprs.semantics.evaluation import EvaluatedSignals, Evaluation, evaluate_arrays
 from hprs.semantics.plan import plan_of
 from hprs.spec.task import ENV_REWARD, Task
-from hprs.wrappers.merging import merge_infos, merge_rows, without_rows
+from hprs.wrappers.merging import (
+    copy_batch,
+    masked,
+    merge_infos,
+    merge_rows,
+    set_row,
+    take_row,
+    without_rows,
+)
+from hprs.wrappers.resets import Mask, forced_reset, reset_by_mask
 from hprs.wrappers.signals import SignalFunction, info_mask, make_reader, zero_action
 from hprs.wrappers.single import nan_margin, warn_of_changed_observations
-
-Mask = np.ndarray[Any, np.dtype[np.bool_]]
 
 
 def wrap_vector(
@@ -154,7 +161,7 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
 
     @property
     def _resets_by_mask(self) -> bool:
-        return self._force is _reset_by_mask
+        return self._force is reset_by_mask
 
     def _transition(
         self,
@@ -208,7 +215,7 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
         final_info = infos.get("final_info", {})
         if forced.any():
             for row in np.flatnonzero(forced):
-                final_obs[row] = _row(observation, row)
+                final_obs[row] = take_row(observation, row)
             stepped = {k: v for k, v in infos.items() if k.lstrip("_") not in _FINAL}
             final_info = merge_infos(final_info, stepped, forced)
             infos = without_rows(infos, forced)
@@ -339,12 +346,12 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
         plan = self._plan
         violated = ~evaluation.satisfied[: plan.safety_count]
         described: dict[str, Any] = {
-            "margins": _masked(plan.by_label(evaluation.margins), mask),
-            "scores": _masked(plan.by_label(evaluation.scores), mask),
+            "margins": masked(plan.by_label(evaluation.margins), mask),
+            "scores": masked(plan.by_label(evaluation.scores), mask),
             "potential": evaluation.potential,
             "cost": violated.sum(axis=0, dtype=np.float64),
         }
-        return _masked(described, mask)
+        return masked(described, mask)
 
     def _conclude(self, done: Mask) -> Any:
         found = np.full(self.num_envs, None, dtype=object)
@@ -368,9 +375,9 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
         """The observation and infos of the states reached, before any same-step reset."""
         if self._mode != AutoresetMode.SAME_STEP or not ended.any():
             return observation, infos
-        last = _copy(observation)
+        last = copy_batch(observation)
         for row in np.flatnonzero(ended):
-            _set_row(last, row, infos["final_obs"][row])
+            set_row(last, row, infos["final_obs"][row])
         stepped = {k: v for k, v in infos.items() if k.lstrip("_") not in _FINAL}
         return last, merge_infos(without_rows(stepped, ended), infos.get("final_info", {}), ended)
 
@@ -383,67 +390,3 @@ _CHANGES_OBSERVATIONS = (
     gym_wrappers.vector.NormalizeObservation,
     gym_wrappers.vector.RescaleObservation,
 )
-
-
-def forced_reset(envs: VectorEnv[Any, Any, Any]) -> Callable[[Mask], None]:
-    """How to reset sub-environments whose episodes the task ended and they would not have.
-
-    `SyncVectorEnv` and `AsyncVectorEnv` take a mask at `reset`; an environment of one's own says
-    that it does with `metadata["reset_mask"] = True`. Gymnasium's native vector environments keep a
-    flag `prev_done` for the reset that comes with the next step.
-
-    Raises:
-        UsageError: This vector environment offers none of these.
-    """
-    bare: Any = envs.unwrapped
-    mode = envs.metadata.get("autoreset_mode", AutoresetMode.NEXT_STEP)
-    if isinstance(bare, SyncVectorEnv) and mode == AutoresetMode.NEXT_STEP:
-        return lambda mask: _flag(bare._autoreset_envs, mask)
-    if isinstance(bare, SyncVectorEnv | AsyncVectorEnv) or bare.metadata.get("reset_mask"):
-        return _reset_by_mask
-    if isinstance(getattr(bare, "prev_done", None), np.ndarray) and mode == AutoresetMode.NEXT_STEP:
-        return lambda mask: _flag(bare.prev_done, mask)
-    raise UsageError(
-        f"the task ends episodes, but {type(bare).__name__} cannot reset single sub-environments. "
-        "Use gymnasium.make_vec(..., vectorization_mode='sync'), or autoreset mode DISABLED, or "
-        "pass end_on_violation=False and end_on_target=False."
-    )
-
-
-def _reset_by_mask(mask: Mask) -> None:
-    """A marker: the wrapper calls `reset` with the mask itself, when the next step is due."""
-
-
-def _flag(flags: Mask, mask: Mask) -> None:
-    flags |= mask
-
-
-def _masked(entries: dict[str, Any], mask: Mask) -> dict[str, Any]:
-    return entries | {f"_{key}": mask for key in entries}
-
-
-def _row(batch: Any, row: Any) -> Any:
-    if isinstance(batch, dict):
-        return {key: _row(value, row) for key, value in batch.items()}
-    if isinstance(batch, tuple):
-        return tuple(_row(value, row) for value in batch)
-    return np.array(batch[row])
-
-
-def _copy(batch: Any) -> Any:
-    if isinstance(batch, dict):
-        return {key: _copy(value) for key, value in batch.items()}
-    if isinstance(batch, tuple):
-        return tuple(_copy(value) for value in batch)
-    return np.array(batch)
-
-
-def _set_row(batch: Any, row: Any, value: Any) -> None:
-    if isinstance(batch, dict):
-        for key, part in batch.items():
-            _set_row(part, row, value[key])
-    elif isinstance(batch, tuple):
-        for part, item in zip(batch, value, strict=True):
-            _set_row(part, row, item)
-    else:
-        batch[row] = value
