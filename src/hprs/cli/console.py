@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -53,8 +54,16 @@ def print_table(
 
 
 def print_json(content: Any) -> None:
-    """Print a JSON value."""
-    print(json.dumps(content, indent=2))
+    """Print a JSON value; infinities, which JSON does not know, become null."""
+    print(json.dumps(_finite(content), indent=2))
+
+
+def _finite(content: Any) -> Any:
+    if isinstance(content, dict):
+        return {key: _finite(value) for key, value in content.items()}
+    if isinstance(content, list):
+        return [_finite(value) for value in content]
+    return None if isinstance(content, float) and not math.isfinite(content) else content
 
 
 def decimals(value: float) -> str:

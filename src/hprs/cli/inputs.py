@@ -25,6 +25,7 @@ def task_by_name(name: str) -> Task:
     task = task_of(name)
     if task is not None:
         return task
-    folder = Path(name).parent
-    near = [str(folder / other.name) for other in folder.glob("*.hprs")]
-    raise UsageError(f"there is no task '{name}'.{did_you_mean(name, [*near, *BENCHMARKS])}")
+    file = Path(name)
+    near = [other.name for other in file.parent.glob("*.hprs")]
+    guess = did_you_mean(file.name, near) or did_you_mean(name, BENCHMARKS)
+    raise UsageError(f"there is no task '{name}'.{guess}")

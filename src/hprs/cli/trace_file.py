@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from hprs.cli.console import plural
 from hprs.errors import TraceError, UsageError, did_you_mean
 from hprs.semantics.plan import plan_of
 from hprs.spec.task import Task
@@ -25,8 +26,8 @@ def read_trace(path: Path, task: Task) -> Mapping[str, npt.NDArray[np.float64]]:
         TraceError: It is empty, a column is missing, or a value is not a number.
     """
     if not path.is_file():
-        near = [str(other) for other in path.parent.glob(f"*{path.suffix}")]
-        raise UsageError(f"there is no trace file '{path}'.{did_you_mean(str(path), near)}")
+        near = [other.name for other in path.parent.glob(f"*{path.suffix}")]
+        raise UsageError(f"there is no trace file '{path}'.{did_you_mean(path.name, near)}")
     header, rows = _read(path)
     used = set(plan_of(task).signals)
     trace: dict[str, npt.NDArray[np.float64]] = {}
@@ -64,7 +65,8 @@ def _read(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
         raise TraceError(f"{path} has column '{twice}' twice.")
     if len(rows) < 3:
         raise TraceError(
-            f"{path} has {len(rows) - 1} rows; it needs the initial state and at least one step."
+            f"{path} has {plural(len(rows) - 1, 'row')}; it needs the initial state and at least "
+            "one step."
         )
     for line, row in rows[1:]:
         if len(row) != len(header):

@@ -109,9 +109,8 @@ def read_task(path: str) -> tuple[Task, str]:
     """
     file = Path(path)
     if not file.exists():
-        folder = file.parent
-        near = [str(folder / other.name) for other in folder.glob(f"*{TASK_SUFFIX}")]
-        raise UsageError(f"there is no task file '{path}'.{did_you_mean(str(file), near)}")
+        near = [other.name for other in file.parent.glob(f"*{TASK_SUFFIX}")]
+        raise UsageError(f"there is no task file '{path}'.{did_you_mean(file.name, near)}")
     return load_task(file), file.read_text(encoding="utf-8-sig")
 
 

@@ -175,7 +175,7 @@ def find_runs(path: Path) -> list[RunDirectory]:
     if (path / RUN_FILE).exists():
         return [RunDirectory(path)]
     if not path.is_dir():
-        raise RunError(f"there is no run '{path}'.{did_you_mean(str(path), _near(path))}")
+        raise RunError(f"there is no run '{path}'.{did_you_mean(path.name, _near(path))}")
     runs = [RunDirectory(file.parent) for file in sorted(path.glob(f"*/{RUN_FILE}"))]
     if not runs:
         below = sorted({file.parent.parent for file in path.glob(f"**/{RUN_FILE}")})
@@ -240,7 +240,7 @@ def _complete(path: Path) -> Path | None:
 
 def _near(path: Path) -> list[str]:
     folder = path.parent
-    return [str(other) for other in folder.iterdir()] if folder.is_dir() else []
+    return [other.name for other in folder.iterdir()] if folder.is_dir() else []
 
 
 def _write_file(path: Path, text: str) -> None:

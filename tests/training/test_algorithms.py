@@ -1,0 +1,145 @@
+# ruff: noqa: E501 (tables of messages are read better unbroken)
+from collections.abc import Callable
+
+import pytest
+
+from hprs.errors import UsageError
+from hprs.training.algorithms import (
+    ALGORITHMS,
+    Linear,
+    find_algorithm,
+    parse_settings,
+    resolve_parameters,
+    schedule,
+)
+
+OWN = {
+    "learning_rate": (float | Callable[[float], float], 3e-4),
+    "n_steps": (int, 2048),
+    "gamma": (float, 0.99),
+    "target_kl": (float | None, None),
+    "use_sde": (bool, False),
+    "train_freq": (int | tuple[int, str], 1),
+    "ent_coef": (str | float, "auto"),
+    "policy_kwargs": (dict[str, object] | None, None),
+}
+
+
+def resolve(**overrides):
+    return resolve_parameters(ALGORITHMS["ppo"], "CartPole-v1", overrides, OWN)
+
+
+def test_continuous_actions_get_sac_and_others_ppo():
+    assert find_algorithm(None, "Box").name == "sac"
+    assert find_algorithm(None, "Discrete").name == "ppo"
+    assert find_algorithm("DQN", "Discrete").name == "dqn"
+
+
+def test_an_unknown_algorithm_gets_a_suggestion():
+    with pytest.raises(UsageError, match=r"unknown algorithm 'pppo'.*Did you mean 'ppo'"):
+        find_algorithm("pppo", "Box")
+
+
+def test_an_algorithm_refuses_actions_it_cannot_handle():
+    with pytest.raises(
+        UsageError,
+        match=r"^sac cannot handle actions of a Discrete space; choose one of ppo, a2c, dqn.$",
+    ):
+        find_algorithm("sac", "Discrete")
+    with pytest.raises(UsageError, match=r"no algorithm can"):
+        find_algorithm("ppo", "Tuple")
+
+
+def test_settings_are_json_or_text():
+    assert parse_settings(
+        ["a=1", "b=0.5", "c=[1,2]", "d=auto_0.02", "e=true", "f=None", "g=x=y"]
+    ) == {
+        "a": 1,
+        "b": 0.5,
+        "c": [1, 2],
+        "d": "auto_0.02",
+        "e": True,
+        "f": None,
+        "g": "x=y",
+    }
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        (["a"], "--set takes KEY=VALUE, got 'a'."),
+        (["=1"], "--set takes KEY=VALUE, got '=1'."),
+        (["a=1", "a=2"], "--set a is given twice."),
+    ],
+)
+def test_wrong_settings_are_refused(settings, message):
+    with pytest.raises(UsageError) as error:
+        parse_settings(settings)
+    assert str(error.value) == message
+
+
+def test_what_the_user_sets_wins_over_the_tables():
+    assert resolve()["n_steps"] == ALGORITHMS["ppo"].parameters["n_steps"]
+    assert resolve(n_steps=5)["n_steps"] == 5
+    assert resolve()["net_arch"] == [64, 64]
+    assert resolve_parameters(ALGORITHMS["ppo"], "hprs/CartPole-v0", {}, OWN)["n_steps"] != 2048
+
+
+def test_sac_starts_with_little_entropy():
+    parameters = resolve_parameters(ALGORITHMS["sac"], "CartPole-v1", {}, OWN)
+    assert parameters["ent_coef"] == "auto_0.02"
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("learning_rate", 1),
+        ("learning_rate", "linear_0.001"),
+        ("target_kl", None),
+        ("target_kl", 0.1),
+        ("train_freq", [1, "episode"]),
+        ("ent_coef", "auto_0.1"),
+        ("use_sde", True),
+        ("net_arch", [8]),
+        ("policy_kwargs", {"ortho_init": False}),
+    ],
+)
+def test_values_of_the_right_type_are_taken(name, value):
+    assert resolve(**{name: value})[name] == value
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("n_steps", "many", 'ppo\'s n_steps must be a whole number, got "many".'),
+        ("n_steps", 1.5, "ppo's n_steps must be a whole number, got 1.5."),
+        ("n_steps", True, "ppo's n_steps must be a whole number, got true."),
+        ("n_steps", 0, "ppo's n_steps must be positive, got 0."),
+        ("gamma", 2, "ppo's gamma, the discount, must lie in (0, 1], got 2."),
+        ("use_sde", 1, "ppo's use_sde must be true or false, got 1."),
+        ("target_kl", "x", 'ppo\'s target_kl must be a number or null, got "x".'),
+        (
+            "learning_rate",
+            "linear_x",
+            'ppo\'s learning_rate must be a number or a schedule like linear_0.001, got "linear_x".',
+        ),
+        ("net_arch", [1.5], "ppo's net_arch must be a list like [64, 64], got [1.5]."),
+        ("policy_kwargs", 3, "ppo's policy_kwargs must be a JSON object or null, got 3."),
+        (
+            "lerning_rate",
+            1,
+            "ppo has no hyper-parameter 'lerning_rate'. Did you mean 'learning_rate'?",
+        ),
+    ],
+)
+def test_wrong_values_are_refused_with_a_reason(name, value, message):
+    with pytest.raises(UsageError) as error:
+        resolve(**{name: value})
+    assert str(error.value) == message
+
+
+def test_a_linear_schedule_falls_to_zero():
+    assert schedule("linear_0.5") == Linear(0.5)
+    assert [Linear(0.5)(remaining) for remaining in (1.0, 0.5, 0.0)] == [0.5, 0.25, 0.0]
+    assert schedule("auto") == "auto"
+    assert schedule(3) == 3

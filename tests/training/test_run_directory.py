@@ -1,0 +1,186 @@
+import json
+from dataclasses import replace
+
+import pytest
+
+from hprs.envs import task_of, task_text_of
+from hprs.errors import RunError
+from hprs.training.configuration import Configuration
+from hprs.training.environment import make_environment
+from hprs.training.evaluation import evaluate
+from hprs.training.policies import ConstantPolicy
+from hprs.training.run_directory import (
+    RunDirectory,
+    columns,
+    create_runs,
+    find_runs,
+    folder_of,
+)
+
+ID = "hprs/CartPole-v0"
+CONFIGURATION = Configuration(
+    environment=ID,
+    task_text=task_text_of(ID),
+    algorithm="ppo",
+    parameters={"gamma": 0.99},
+    steps=1000,
+)
+
+
+@pytest.fixture
+def run(tmp_path):
+    return create_runs([CONFIGURATION], tmp_path)[0]
+
+
+@pytest.fixture
+def episodes():
+    return evaluate(lambda: make_environment(ID, task_of(ID)), ConstantPolicy(1), [4, 5])
+
+
+def test_a_run_lies_where_its_configuration_says(run, tmp_path):
+    folder = tmp_path / "hprs-CartPole-v0" / f"hprs-ppo-{CONFIGURATION.digest}"
+    assert run.path == folder / "seed-0"
+    assert len(CONFIGURATION.digest) == 8
+    int(CONFIGURATION.digest, 16)
+
+
+def test_a_run_describes_itself(run):
+    content = json.loads((run.path / "run.json").read_text())
+    assert RunDirectory(run.path).configuration == CONFIGURATION
+    assert content["configuration"]["task_text"] == task_text_of(ID)
+    assert len(content["task"]["requirements"]) == 5
+    assert {"python", "numpy", "gymnasium", "hprs"} <= set(content["versions"])
+    assert {"cores", "system", "processor"} <= set(content["machine"])
+    assert "commit" in content
+
+
+def test_the_digest_covers_what_changes_numbers_and_not_the_seed():
+    assert replace(CONFIGURATION, seed=1).digest == CONFIGURATION.digest
+    for change in (
+        {"reward": "sparse"},
+        {"end": "released"},
+        {"steps": 2000},
+        {"parameters": {"gamma": 0.9}},
+        {"horizon": 100},
+        {"task_text": CONFIGURATION.task_text.replace("mark = 1.0", "mark = -1.0")},
+    ):
+        assert replace(CONFIGURATION, **change).digest != CONFIGURATION.digest
+
+
+def test_a_comment_in_the_task_does_not_change_the_digest():
+    text = CONFIGURATION.task_text + "\n# nothing new\n"
+    assert replace(CONFIGURATION, task_text=text).digest == CONFIGURATION.digest
+
+
+def test_an_existing_run_is_refused_with_a_hint(run, tmp_path):
+    with pytest.raises(
+        RunError, match=f"exists already. Go on with it: hprs train --resume {run.path}"
+    ):
+        create_runs([CONFIGURATION], tmp_path)
+
+
+def test_no_seed_is_created_if_one_of_them_exists(run, tmp_path):
+    with pytest.raises(RunError, match=r"exists already"):
+        create_runs([replace(CONFIGURATION, seed=seed) for seed in (1, 0)], tmp_path)
+    assert not (run.path.parent / "seed-1").exists()
+
+
+def test_a_module_in_an_environment_id_stays_one_folder(tmp_path):
+    folder = folder_of(replace(CONFIGURATION, environment="pkg.mod:ns/Env-v0"), tmp_path)
+    assert folder.parent == tmp_path / "pkg.mod-ns-Env-v0"
+
+
+def test_evaluations_have_one_row_an_episode_and_one_column_a_requirement(run, episodes):
+    run.append(0, episodes)
+    run.append(100, episodes[:1])
+    lines = (run.path / "evaluations.csv").read_text().splitlines()
+    assert lines[0] == (
+        "step,seed,length,return,pam,safe,target,ensure.on_track,ensure.pole_up,"
+        "conquer.parked,encourage.upright,encourage.slow"
+    )
+    assert [line.split(",")[:2] for line in lines[1:]] == [["0", "4"], ["0", "5"], ["100", "4"]]
+    found = run.evaluations()[0]
+    assert found["length"] == episodes[0].assessment.length
+    assert found["return"] == episodes[0].total
+    assert found["pam"] == episodes[0].assessment.pam
+    assert found["safe"] == found["ensure.pole_up"] == 0.0
+    assert found["encourage.slow"] == episodes[0].assessment.requirements["slow"]
+    assert list(found) == columns(CONFIGURATION.task)
+
+
+def test_truncating_removes_later_rows_and_half_a_row(run, episodes):
+    run.append(0, episodes)
+    run.append(100, episodes)
+    with (run.path / "evaluations.csv").open("a") as file:
+        file.write("0,4,1")
+    assert len(run.evaluations()) == 4
+    run.truncate(0)
+    assert [row["step"] for row in run.evaluations()] == [0.0, 0.0]
+    assert (run.path / "evaluations.csv").read_text().endswith("\n")
+
+
+def test_a_folder_is_replaced_whole_or_not_at_all(run):
+    with run.replacing("checkpoint") as folder:
+        (folder / "a").write_text("1")
+    with pytest.raises(KeyError), run.replacing("checkpoint") as folder:
+        (folder / "a").write_text("2")
+        raise KeyError
+    assert (run.checkpoint() / "a").read_text() == "1"
+    with run.replacing("checkpoint") as folder:
+        (folder / "b").write_text("3")
+    assert [file.name for file in run.checkpoint().iterdir()] == ["b"]
+
+
+def test_death_between_the_two_renames_leaves_the_old_checkpoint(run):
+    with run.replacing("checkpoint") as folder:
+        (folder / "a").write_text("1")
+    (run.path / "checkpoint").rename(run.path / ".checkpoint.old")
+    assert (run.checkpoint() / "a").read_text() == "1"
+    with run.replacing("checkpoint") as folder:
+        (folder / "a").write_text("2")
+    assert (run.checkpoint() / "a").read_text() == "2"
+
+
+def test_a_run_is_found_by_itself_or_among_its_seeds(tmp_path):
+    runs = create_runs([replace(CONFIGURATION, seed=seed) for seed in (0, 10, 2)], tmp_path)
+    assert find_runs(runs[1].path) == [runs[1]]
+    assert [run.configuration.seed for run in find_runs(runs[0].path.parent)] == [0, 2, 10]
+
+
+def test_what_is_not_a_run_is_said(run, tmp_path):
+    with pytest.raises(RunError, match=r"there is no run '.*seed-9'. Did you mean 'seed-0'"):
+        find_runs(run.path.parent / "seed-9")
+    with pytest.raises(RunError, match=r"is not a run: it holds no run.json. There are runs in "):
+        find_runs(tmp_path)
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(RunError, match=r"is not a run: it holds no run.json.$"):
+        find_runs(tmp_path / "empty")
+
+
+def test_runs_of_different_configurations_are_not_pooled(run):
+    other = replace(CONFIGURATION, seed=1, reward="sparse")
+    moved = create_runs([other], run.path.parent / "elsewhere")[0]
+    moved.path.rename(run.path.parent / "seed-1")
+    with pytest.raises(RunError, match=r"differ in more than the seed"):
+        find_runs(run.path.parent)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{", "cannot be read"),
+        ("[]", "is not of format 1"),
+        ('{"format": 9}', "is not of format 1"),
+        ('{"format": 1}', "cannot be used"),
+        ('{"format": 1, "configuration": {"seed": 0}}', "written by another version of hprs"),
+    ],
+)
+def test_a_broken_run_file_is_said(run, text, message):
+    (run.path / "run.json").write_text(text)
+    with pytest.raises(RunError, match=message):
+        _ = RunDirectory(run.path).configuration
+
+
+def test_a_missing_policy_is_said(run):
+    with pytest.raises(RunError, match=r"has no best policy yet"):
+        run.policy("best")

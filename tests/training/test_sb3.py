@@ -1,0 +1,308 @@
+# ruff: noqa: E501 (tables of messages are read better unbroken)
+import json
+import os
+import signal
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import torch
+
+from hprs.errors import SignalError, SpecError, UsageError
+from hprs.training import sb3
+from hprs.training.checkpoint import Progress
+from hprs.training.environment import make_configured
+from hprs.training.evaluation import TRAINING_SEEDS, episode_seeds, evaluate
+from hprs.training.listener import Silence
+from hprs.training.run_directory import create_runs
+
+CART_POLE = "hprs/CartPole-v0"
+SMALL = {"environments": 2, "n_steps": 32, "batch_size": 32, "n_epochs": 1, "net_arch": [8]}
+
+MOUNTAIN = """
+signal position = obs[0] in [-1.2, 0.6] "m"
+signal velocity = obs[1] in [-0.07, 0.07]
+achieve top: position >= 0.45
+encourage gentle: abs(velocity) <= 0.05
+"""
+
+
+@pytest.fixture
+def mountain(tmp_path):
+    file = tmp_path / "mountain.hprs"
+    file.write_text(MOUNTAIN)
+    return str(file)
+
+
+def ppo(**options):
+    arguments = {"steps": 192, "evaluation_interval": 64, "evaluation_episodes": 2} | options
+    return sb3.configure(CART_POLE, settings=SMALL, **arguments)
+
+
+def sac(mountain, **options):
+    settings = {"learning_starts": 20, "buffer_size": 5000, "net_arch": [8], "batch_size": 16}
+    return sb3.configure(
+        "MountainCarContinuous-v0",
+        task_path=mountain,
+        settings=settings,
+        horizon=40,
+        steps=120,
+        evaluation_interval=60,
+        evaluation_episodes=2,
+        **options,
+    )
+
+
+class Interrupter(Silence):
+    """Sends a signal after a number of steps, as Ctrl-C would."""
+
+    def __init__(self, step):
+        self.step, self.asked = step, 0
+
+    def advanced(self, step):
+        if step >= self.step and not self.asked:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    def stopping(self):
+        self.asked += 1
+
+
+class Killer(Silence):
+    """Dies when an evaluation has been recorded."""
+
+    def __init__(self, step):
+        self.step = step
+
+    def advanced(self, step):
+        if step >= self.step:
+            raise MemoryError
+
+
+def rows(run):
+    return (run.path / "evaluations.csv").read_text().splitlines()
+
+
+def steps(run):
+    return [int(row["step"]) for row in run.evaluations()]
+
+
+def test_ppo_writes_a_complete_run_directory(tmp_path):
+    [run] = create_runs([ppo()], tmp_path)
+    assert sb3.train(run)
+    assert steps(run) == [0, 0, 64, 64, 128, 128, 192, 192]
+    assert [int(row["seed"]) for row in run.evaluations()[:2]] == episode_seeds(TRAINING_SEEDS, 2)
+    names = {file.name for file in run.path.iterdir()}
+    assert {"run.json", "evaluations.csv", "checkpoint", "policy"} <= names
+    assert json.loads((run.policy("last") / "policy.json").read_text())["step"] == 192
+    assert Progress.load(run.checkpoint()).step == 192
+
+
+def test_the_last_policy_is_the_one_that_was_evaluated(tmp_path):
+    [run] = create_runs([ppo()], tmp_path)
+    sb3.train(run)
+    again = evaluate(
+        lambda: make_configured(run.configuration),
+        sb3.load_policy(run, "last"),
+        episode_seeds(TRAINING_SEEDS, 2),
+    )
+    recorded = run.evaluations()[-2:]
+    assert [row["return"] for row in recorded] == [episode.total for episode in again]
+    assert [row["pam"] for row in recorded] == [episode.assessment.pam for episode in again]
+
+
+def test_the_best_policy_has_the_highest_mean_pam(tmp_path):
+    [run] = create_runs([ppo()], tmp_path)
+    sb3.train(run)
+    found = run.evaluations()
+    means = {
+        step: np.mean([row["pam"] for row in found if row["step"] == step]) for step in steps(run)
+    }
+    best = json.loads((run.policy("best") / "policy.json").read_text())["step"]
+    assert best == max(means, key=means.get)
+    assert Progress.load(run.checkpoint()).best_pam == pytest.approx(max(means.values()))
+
+
+def test_the_same_seed_gives_the_same_numbers_and_another_seed_others(tmp_path):
+    runs = [create_runs([ppo(seed=seed)], tmp_path / str(i))[0] for i, seed in enumerate((0, 0, 1))]
+    for run in runs:
+        sb3.train(run)
+    assert rows(runs[0]) == rows(runs[1])
+    assert rows(runs[0])[1:] != rows(runs[2])[1:]
+
+
+def test_sac_trains_on_an_environment_that_is_not_ours(tmp_path, mountain):
+    configuration = sac(mountain)
+    assert configuration.algorithm == "sac"
+    assert configuration.parameters["ent_coef"] == "auto_0.02"
+    [run] = create_runs([configuration], tmp_path)
+    assert sb3.train(run)
+    assert steps(run) == [0, 0, 60, 60, 120, 120]
+    assert all(row["length"] == 40 for row in run.evaluations())
+    assert (run.checkpoint() / "replay.pkl").is_file()
+
+
+@pytest.mark.parametrize("make", [lambda mountain: ppo(), sac], ids=["ppo", "sac"])
+def test_an_interrupted_training_resumes_without_loss_or_doubles(tmp_path, mountain, make):
+    configuration = make(mountain)
+    [run] = create_runs([configuration], tmp_path)
+    before = signal.getsignal(signal.SIGINT)
+    listener = Interrupter(70)
+    assert not sb3.train(run, listener)
+    assert listener.asked == 1
+    assert signal.getsignal(signal.SIGINT) is before
+    written, stopped = rows(run), Progress.load(run.checkpoint()).step
+    assert 70 <= stopped < configuration.steps
+    assert sb3.train(run)
+    assert rows(run)[: len(written)] == written
+    assert sorted(set(steps(run))) == list(
+        range(0, configuration.steps + 1, configuration.evaluation_interval)
+    )
+    assert len(steps(run)) == 2 * len(set(steps(run)))
+    assert sb3.train(run), "a complete run has nothing left to do"
+
+
+def test_a_killed_training_resumes_from_its_checkpoint(tmp_path):
+    [run] = create_runs([ppo()], tmp_path)
+    with pytest.raises(MemoryError):
+        sb3.train(run, Killer(100))
+    assert Progress.load(run.checkpoint()).step == 64
+    # As if the process had died between the rows and their checkpoint.
+    with (run.path / "evaluations.csv").open("a") as file:
+        file.write("128,1000000,9,0.0,0.0,0,0,1,0,0,0.0,0.0\n128,10")
+    assert sb3.train(run)
+    assert steps(run) == [0, 0, 64, 64, 128, 128, 192, 192]
+
+
+def test_resuming_restores_networks_optimiser_and_replay_buffer(tmp_path, mountain):
+    [run] = create_runs([sac(mountain)], tmp_path)
+    sb3.train(run, Interrupter(70))
+    folder = run.checkpoint()
+    environments = sb3._make_vector(run.configuration, folder)
+    model = sb3._make_model(run.configuration, environments, folder)
+    progress = Progress.load(folder)
+    assert model.num_timesteps == progress.step
+    assert model.replay_buffer.pos == progress.step
+    assert len(model.actor.optimizer.state_dict()["state"]) > 0
+    assert float(model.log_ent_coef.detach()) != pytest.approx(np.log(0.02))
+
+
+def test_a_killed_training_gets_the_best_policy_its_checkpoint_promises(tmp_path):
+    [run] = create_runs([ppo(evaluation_interval=1000)], tmp_path)
+    with pytest.raises(MemoryError):
+        sb3.train(run, Killer(1))
+    assert Progress.load(run.checkpoint()).best_step == 0
+    (run.policy("best") / "policy.json").unlink()
+    sb3.train(run, Interrupter(1))
+    assert json.loads((run.policy("best") / "policy.json").read_text())["step"] == 0
+
+
+def test_tensorboard_gets_every_requirement(tmp_path):
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+    [run] = create_runs([ppo()], tmp_path)
+    sb3.train(run, Interrupter(70))
+    sb3.train(run)
+    events = EventAccumulator(str(run.path)).Reload()
+    assert {
+        "assessment/PAM",
+        "assessment/S",
+        "assessment/S+T",
+        "requirement/on_track",
+        "requirement/slow",
+    } <= set(events.Tags()["scalars"])
+    scalars = events.Scalars("assessment/PAM")
+    assert [scalar.step for scalar in scalars] == [0, 64, 128, 192]
+
+
+def test_training_leaves_pytorch_as_it_was(tmp_path):
+    before = torch.get_num_threads()
+    [run] = create_runs([ppo()], tmp_path)
+    sb3.train(run)
+    assert torch.get_num_threads() == before
+
+
+def test_invariant_shaping_shares_the_learners_discount():
+    configuration = sb3.configure(CART_POLE, end="invariant", settings={"gamma": 0.9})
+    assert make_configured(configuration).reward.discount == 0.9
+
+
+def test_the_shaped_reward_reaches_the_learner(tmp_path):
+    configuration = sb3.configure(CART_POLE, settings={"environments": 1, "scale_reward": False})
+    vector = sb3._make_vector(configuration, None)
+    vector.seed(3)
+    vector.reset()
+    single = make_configured(configuration)
+    single.reset(seed=3)
+    for _ in range(5):
+        assert vector.step(np.array([1]))[1][0] == pytest.approx(single.step(1)[1], abs=1e-6)
+
+
+def test_a_dictionary_of_observations_is_batched():
+    seen = [{"a": np.zeros(2), "b": np.int64(1)}, {"a": np.ones(2), "b": np.int64(2)}]
+    stacked = sb3._stack(seen)
+    assert stacked["a"].shape == (2, 2)
+    assert stacked["b"].tolist() == [1, 2]
+
+
+@pytest.mark.parametrize("name", ["PPO", "A2C", "DQN", "SAC", "TD3"])
+def test_any_file_of_stable_baselines3_is_a_policy(tmp_path, name):
+    import stable_baselines3
+
+    env = gym.make("CartPole-v1" if name in ("PPO", "A2C", "DQN") else "MountainCarContinuous-v0")
+    model = getattr(stable_baselines3, name)("MlpPolicy", env, device="cpu")
+    model.save(tmp_path / "policy.zip")
+    policy = sb3.load_zip(tmp_path / "policy.zip")
+    observation, _ = env.reset(seed=0)
+    assert type(policy.model).__name__ == name
+    assert np.array_equal(policy(observation), model.predict(observation, deterministic=True)[0])
+
+
+def test_another_file_is_no_policy(tmp_path):
+    (tmp_path / "x.zip").write_text("no")
+    with pytest.raises(UsageError, match=r"is not a Stable-Baselines3 policy"):
+        sb3.load_zip(tmp_path / "x.zip")
+    with pytest.raises(UsageError, match=r"there is no policy file"):
+        sb3.load_zip(tmp_path / "y.zip")
+
+
+@pytest.mark.parametrize(
+    ("options", "kind", "message"),
+    [
+        ({"environment": "hprs/CartPoel-v0"}, UsageError, "unknown environment 'hprs/CartPoel-v0'. Did you mean 'hprs/CartPole-v0'?"),
+        ({"environment": "nowhere:Env-v0"}, UsageError, "unknown environment 'nowhere:Env-v0': there is no module 'nowhere'."),
+        ({"environment": "CartPole-v1"}, UsageError, "'CartPole-v1' has no task of its own. Give it one: --task FILE.hprs"),
+        ({"reward": "hrps"}, UsageError, "unknown reward 'hrps'"),
+        ({"end": "papr"}, UsageError, "unknown end 'papr'; choose one of paper, invariant, released. Did you mean 'paper'?"),
+        ({"algorithm": "sca"}, UsageError, "unknown algorithm 'sca'"),
+        ({"steps": 0}, UsageError, "the steps must be at least 1, got 0."),
+        ({"horizon": -1}, UsageError, "the horizon must be at least 1, got -1."),
+        ({"settings": {"n_step": 3}}, UsageError, "ppo has no hyper-parameter 'n_step'. Did you mean 'n_steps'?"),
+    ],
+)  # fmt: skip
+def test_a_wrong_training_is_refused_before_it_starts(options, kind, message):
+    with pytest.raises(kind) as error:
+        sb3.configure(**({"environment": CART_POLE} | options))
+    assert str(error.value).startswith(message)
+
+
+def test_a_task_that_does_not_fit_the_environment_is_refused(tmp_path, mountain):
+    with pytest.raises(
+        UsageError, match=r"there is no task file '.*mountan.hprs'. Did you mean 'mountain.hprs'"
+    ):
+        sb3.configure(CART_POLE, task_path=mountain.replace("mountain.", "mountan."))
+    wrong = tmp_path / "wrong.hprs"
+    wrong.write_text("signal x = obs[9] in [0, 1]\nensure low: x <= 0.5\n")
+    with pytest.raises(SignalError, match=r"'x'"):
+        sb3.configure(CART_POLE, task_path=str(wrong))
+    wrong.write_text("ensure\n")
+    with pytest.raises(SpecError):
+        sb3.configure(CART_POLE, task_path=str(wrong))
+
+
+def test_what_stable_baselines3_refuses_is_one_line(tmp_path):
+    configuration = sb3.configure(
+        CART_POLE, settings={"environments": 1, "n_steps": 1, "batch_size": 1}
+    )
+    [run] = create_runs([configuration], tmp_path)
+    with pytest.raises(UsageError, match=r"Stable-Baselines3 refuses this training"):
+        sb3.train(run)
