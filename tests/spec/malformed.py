@@ -68,6 +68,15 @@ MALFORMED: dict[str, tuple[Malformed, ...]] = {
             ),
         ),
         Malformed(
+            "An unknown sign",
+            ("signal x in [-5, 5]\nsignal y in [0, 1]\nensure safe: x <= 1 ?"),
+            (
+                "task.hprs:3:21: the character '?' has no meaning here.\n"
+                "    3 | ensure safe: x <= 1 ?\n"
+                "      |                     ^"
+            ),
+        ),
+        Malformed(
             "Other brackets",
             "signal x in {0, 1}",
             (
@@ -85,6 +94,15 @@ MALFORMED: dict[str, tuple[Malformed, ...]] = {
                 "task.hprs:3:10: 'ensure' needs a label: ensure LABEL: CONDITION.\n"
                 "    3 | ensure x <= 1\n"
                 "      |          ^^"
+            ),
+        ),
+        Malformed(
+            "A number as label",
+            ("signal x in [-5, 5]\nsignal y in [0, 1]\nensure 1: x <= 1"),
+            (
+                "task.hprs:3:8: 'ensure' needs a label: ensure LABEL: CONDITION.\n"
+                "    3 | ensure 1: x <= 1\n"
+                "      |        ^"
             ),
         ),
         Malformed(
@@ -347,6 +365,15 @@ MALFORMED: dict[str, tuple[Malformed, ...]] = {
             ),
         ),
         Malformed(
+            "A second colon",
+            ("signal x in [-5, 5]\nsignal y in [0, 1]\nensure safe: x <= 1: y <= 1"),
+            (
+                "task.hprs:3:20: ':' has no meaning here.\n"
+                "    3 | ensure safe: x <= 1: y <= 1\n"
+                "      |                    ^"
+            ),
+        ),
+        Malformed(
             "A condition given a name",
             ("signal x in [-5, 5]\nsignal y in [0, 1]\nlet near = abs(x) <= 1"),
             (
@@ -543,6 +570,15 @@ MALFORMED: dict[str, tuple[Malformed, ...]] = {
             ),
         ),
         Malformed(
+            "An unclosed parenthesis at the end of the text",
+            ("signal x in [-5, 5]\nsignal y in [0, 1]\nensure safe: abs(x <= 1"),
+            (
+                "task.hprs:3:17: this '(' is never closed.\n"
+                "    3 | ensure safe: abs(x <= 1\n"
+                "      |                 ^"
+            ),
+        ),
+        Malformed(
             "A parenthesis that closes nothing",
             ("signal x in [-5, 5]\nsignal y in [0, 1]\nensure safe: abs(x)) <= 1"),
             (
@@ -691,6 +727,15 @@ MALFORMED: dict[str, tuple[Malformed, ...]] = {
             ),
         ),
         Malformed(
+            "An initial value and no range",
+            "signal x = info.progress initially 0",
+            (
+                "task.hprs:1:37: signal 'x' needs a range here: in [LOW, HIGH].\n"
+                "    1 | signal x = info.progress initially 0\n"
+                "      |                                     ^"
+            ),
+        ),
+        Malformed(
             "A range in parentheses",
             "signal x in (0, 1)",
             (
@@ -706,6 +751,24 @@ MALFORMED: dict[str, tuple[Malformed, ...]] = {
                 "task.hprs:1:15: a range is written in [LOW, HIGH], two ends with a comma between them.\n"
                 "    1 | signal x in [1]\n"
                 "      |               ^"
+            ),
+        ),
+        Malformed(
+            "A range with three ends",
+            "signal x in [0, 1, 2]",
+            (
+                "task.hprs:1:18: a range is written in [LOW, HIGH], with two ends.\n"
+                "    1 | signal x in [0, 1, 2]\n"
+                "      |                  ^"
+            ),
+        ),
+        Malformed(
+            "An unfinished end of a range",
+            "signal x in [0, 1 +]",
+            (
+                "task.hprs:1:20: a value is missing after '+', found ']'.\n"
+                "    1 | signal x in [0, 1 +]\n"
+                "      |                    ^"
             ),
         ),
         Malformed(
@@ -844,6 +907,24 @@ MALFORMED: dict[str, tuple[Malformed, ...]] = {
             ),
         ),
         Malformed(
+            "A number for a key",
+            "signal x = obs.0 in [0, 1]",
+            (
+                "task.hprs:1:15: an entry of a dictionary is written obs.key; read a component as obs[0].\n"
+                "    1 | signal x = obs.0 in [0, 1]\n"
+                "      |               ^^"
+            ),
+        ),
+        Malformed(
+            "A word too many",
+            "signal x = obs[0] metres in [0, 1]",
+            (
+                "task.hprs:1:19: 'metres' is out of place. A signal is written signal NAME[length] = SOURCE initially VALUE in [LOW, HIGH] \"unit\".\n"
+                "    1 | signal x = obs[0] metres in [0, 1]\n"
+                "      |                   ^^^^^^"
+            ),
+        ),
+        Malformed(
             "A key after an index",
             "signal x = obs[0].speed in [0, 1]",
             (
@@ -904,6 +985,15 @@ MALFORMED: dict[str, tuple[Malformed, ...]] = {
                 "task.hprs:2:8: 'x' is declared twice; signals, constants, definitions and requirements share one namespace.\n"
                 "    2 | signal x in [0, 2]\n"
                 "      |        ^"
+            ),
+        ),
+        Malformed(
+            "A constant of the language as name",
+            "const deg = 0.01745",
+            (
+                "task.hprs:1:7: 'deg' is a reserved word; choose another name.\n"
+                "    1 | const deg = 0.01745\n"
+                "      |       ^^^"
             ),
         ),
         Malformed(
@@ -1157,6 +1247,15 @@ MALFORMED: dict[str, tuple[Malformed, ...]] = {
                 "task.hprs:6:17: a preference ranks two requirements: prefer HIGHER over LOWER. Add a line per pair.\n"
                 "    6 | prefer a over b over c\n"
                 "      |                 ^^^^"
+            ),
+        ),
+        Malformed(
+            "A preference for a keyword",
+            ("signal x in [-5, 5]\nsignal y in [0, 1]\nensure a: x <= 1\nprefer safety over in"),
+            (
+                "task.hprs:4:20: 'in' is a reserved word and not the label of a requirement.\n"
+                "    4 | prefer safety over in\n"
+                "      |                    ^^"
             ),
         ),
         Malformed(

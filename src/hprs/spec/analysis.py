@@ -102,20 +102,19 @@ def infer(expression: Expression, known: Mapping[str, Inferred]) -> Inferred:
             if operator == "*" and left == right:
                 operation = _square
             return _apply(expression, parts, lambda: operation(parts[0].range, parts[1].range))
-        case Call(function, arguments):
-            parts = tuple(infer(argument, known) for argument in arguments)
-            if function in REDUCTIONS:
+        case _:
+            parts = tuple(infer(argument, known) for argument in expression.arguments)
+            if expression.function in REDUCTIONS:
                 return _reduce(expression, parts)
-            return _apply(
-                expression, parts, lambda: _FUNCTIONS[function](*(part.range for part in parts))
-            )
+            function = _FUNCTIONS[expression.function]
+            return _apply(expression, parts, lambda: function(*(part.range for part in parts)))
 
 
 def evaluate_constant(expression: Expression, known: Mapping[str, Inferred], what: str) -> float:
     """The value of a constant expression.
 
     Raises:
-        SpecValidationError: It refers to a signal, or its value is not finite.
+        SpecValidationError: It refers to a signal, or is too large for a float.
     """
     inferred = infer(expression, known)
     if not inferred.constant:
@@ -123,8 +122,6 @@ def evaluate_constant(expression: Expression, known: Mapping[str, Inferred], wha
             f"{what} must be a constant expression, but it depends on a signal.",
             expression.position,
         )
-    if not math.isfinite(inferred.range.low):
-        raise SpecValidationError(f"{what} is not finite.", expression.position)
     return inferred.range.low
 
 

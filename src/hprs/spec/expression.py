@@ -390,6 +390,6 @@ def mentions(node: Expression | Predicate) -> Iterator[str]:
         case Binary(_, left, right) | Comparison(left, _, right):
             yield from mentions(left)
             yield from mentions(right)
-        case Call(_, parts) | And(parts) | Or(parts):
-            for part in parts:
+        case _:
+            for part in node.arguments if isinstance(node, Call) else node.parts:
                 yield from mentions(part)

@@ -131,8 +131,8 @@ def _write(node: Expression | Predicate) -> Json:
             return [function, *map(_write, arguments)]
         case And(parts):
             return ["and", *map(_write, parts)]
-        case Or(parts):
-            return ["or", *map(_write, parts)]
+        case _:
+            return ["or", *map(_write, node.parts)]
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from types import MappingProxyType
 
 from hprs.errors import Position, SpecSyntaxError, did_you_mean
 from hprs.spec.expression import FUNCTIONS
-from hprs.spec.task import CLASSES, KEYWORDS, ROOTS
+from hprs.spec.task import CLASSES, KEYWORDS, RESERVED, ROOTS
 
 STATEMENTS = ("signal", "const", "let", *CLASSES, "prefer")
 """The words that start a statement."""
@@ -156,7 +156,7 @@ def _start(_: Sequence[Word], found: Word) -> str:
 def _requirement(before: Sequence[Word], found: Word) -> str | None:
     kind = before[0].text
     if len(before) == 1:
-        if found.is_keyword:
+        if found.text in RESERVED:
             return f"{found} is a reserved word; choose another label."
         return f"'{kind}' needs a label: {kind} LABEL: CONDITION."
     label = before[1]
@@ -240,11 +240,11 @@ def _range(before: Sequence[Word], found: Word) -> str | None:
     written = "a range is written in [LOW, HIGH]"
     if not inside:
         return f"{written}, with brackets."
-    if "]" in inside:
+    if "]" in inside or not (before[-1].ends_value or before[-1].text in ("[", ",")):
         return None
     if found.text in ("]", ":", ".") or (found.starts_value and before[-1].ends_value):
         return f"{written}, two ends with a comma between them."
-    if found.text == ",":
+    if found.text == "," and "," in inside:
         return f"{written}, with two ends."
     return None
 
@@ -258,7 +258,7 @@ def _preference(before: Sequence[Word], found: Word) -> str:
 
 
 def _no_name(keyword: str, found: Word) -> str:
-    if found.is_keyword:
+    if found.text in RESERVED:
         return f"{found} is a reserved word; choose another name."
     return f"'{keyword}' needs a name, found {found}."
 

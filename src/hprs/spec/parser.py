@@ -343,12 +343,12 @@ class _Builder(Transformer[Token, Task]):
         return Preference(str(higher), str(lower), position=_span(_at(prefer), _at(lower)))
 
     def disjunction(self, *parts: _Value) -> Or:
-        position = _span(parts[0].position, parts[-1].position)
-        return Or(tuple(_condition(part, "each side of `or` needs") for part in parts), position=position)
+        conditions = tuple(_condition(part, "each side of `or` needs") for part in parts)
+        return Or(conditions, position=_span(parts[0].position, parts[-1].position))
 
     def conjunction(self, *parts: _Value) -> And:
-        position = _span(parts[0].position, parts[-1].position)
-        return And(tuple(_condition(part, "each side of `and` needs") for part in parts), position=position)
+        conditions = tuple(_condition(part, "each side of `and` needs") for part in parts)
+        return And(conditions, position=_span(parts[0].position, parts[-1].position))
 
     def comparison(self, *parts: _Value | Token) -> Predicate:
         sides = [_number(cast(_Value, part)) for part in parts[::2]]

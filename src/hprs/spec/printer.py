@@ -18,7 +18,6 @@ from hprs.spec.expression import (
     Name,
     Negate,
     Number,
-    Or,
     Predicate,
 )
 from hprs.spec.task import Constant, Definition, Preference, Requirement, Signal, Task
@@ -61,8 +60,8 @@ def format_predicate(predicate: Predicate) -> str:
             return _chain((predicate,))
         case And(parts):
             return " and ".join(_conjuncts(parts))
-        case Or(parts):
-            return " or ".join(map(format_predicate, parts))
+        case _:
+            return " or ".join(map(format_predicate, predicate.parts))
 
 
 def _lines(write: Callable[[_T], str], statements: Iterable[_T]) -> str:
@@ -146,10 +145,11 @@ def _bound(expression: Expression) -> tuple[str, int]:
             return f"-{_expression(operand, _SIGN)}", _SIGN
         case Binary("*", Number(value), Name("deg")):
             return f"{_number(value)} deg", _POWER
-        case Binary(operator, left, right):
+        case _:
+            operator = expression.operator
             first, second = _OPERANDS[operator]
-            text = f"{_expression(left, first)} {operator} {_expression(right, second)}"
-            return text, _BINDING[operator]
+            left, right = _expression(expression.left, first), _expression(expression.right, second)
+            return f"{left} {operator} {right}", _BINDING[operator]
 
 
 def _number(value: float) -> str:
