@@ -300,3 +300,26 @@ def test_stable_baselines3_vector_environments_give_the_same_rewards_across_epis
                 env.reset()
                 ends += 1
     assert ends > 6
+
+
+def test_stable_baselines3_subprocesses_give_what_its_synchronous_environments_give():
+    vec_env = pytest.importorskip("stable_baselines3.common.vec_env")
+    task = slider_task()
+    makes = [lambda: wrap(Slider(), task)] * 2
+    ours = vec_env.SubprocVecEnv(makes, start_method="spawn")
+    reference = vec_env.DummyVecEnv(makes)
+    try:
+        for envs in (ours, reference):
+            envs.seed(2)
+            envs.reset()
+        rng = np.random.default_rng(1)
+        ends = 0
+        for _ in range(40):
+            actions = rng.uniform(-1, 1, (2, 1))
+            mine, theirs = ours.step(actions), reference.step(actions)
+            np.testing.assert_allclose(mine[1], theirs[1])
+            np.testing.assert_array_equal(mine[2], theirs[2])
+            ends += int(mine[2].sum())
+        assert ends > 4
+    finally:
+        ours.close()

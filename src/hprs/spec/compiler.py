@@ -144,6 +144,8 @@ class _Compiler:
     ) -> Function:
         functions = [self._aligned(part, result) for part in parts]
         constants = [part.constant for part in parts]
+        if operation is float_operations()["max"] and len(parts) == 2 and functions[1] is None:
+            return _at_least(functions[0] or _constant(constants[0]), constants[1])
         if len(parts) == 2:
             f, g = functions
             a, b = constants
@@ -258,6 +260,16 @@ def compile_margins(
     return Margins(
         tuple(definitions), tuple(part.function or _constant(part.constant) for part in parts)
     )
+
+
+def _at_least(function: Function, least: float) -> Function:
+    """`max(x, least)` in one closure: distances to an interval are made of it."""
+
+    def apply(values: Values) -> float:
+        value = function(values)
+        return least if value < least else value
+
+    return apply
 
 
 def _constant(value: float) -> Function:

@@ -31,12 +31,8 @@ class Episode:
         self._tally: Any = None
         self._pending: list[list[bool]] = []
         self._decided = False
-        self.steps = 0
-
-    @property
-    def running(self) -> bool:
-        """Whether an episode was started."""
-        return self._tally is not None
+        self.steps = -1
+        """Steps of the running episode; -1 before the first."""
 
     def start(self, satisfied: list[bool]) -> None:
         """Begin an episode with the satisfaction of every row in s_0."""

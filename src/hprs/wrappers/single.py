@@ -136,9 +136,9 @@ class TaskWrapper(gym.Wrapper[Any, Any, Any, Any]):
         env_reward = float(env_reward)
         terminated, truncated = bool(terminated), bool(truncated)
         plan, episode = self._plan, self._episode
-        if not episode.running:
-            raise SignalError("step() was called before reset().")
         step = episode.steps + 1
+        if step == 0:
+            raise SignalError("step() was called before reset().")
         values = self._reader.read_floats(observation, action, self._last_action, info)
         self._to_floats(values, step)
         evaluation = self._evaluate(values)
