@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from hprs.errors import SpecValidationError
-from hprs.spec.analysis import infer
 from hprs.spec.expression import (
     And,
     Binary,
@@ -20,6 +19,7 @@ from hprs.spec.expression import (
     Predicate,
     as_expression,
 )
+from hprs.spec.inference import infer
 from hprs.spec.task import Definition, Preference, Requirement, Signal, Task
 
 SCALARS, VECTORS = ("a", "b", "c"), ("p", "q")
@@ -55,7 +55,9 @@ def random_task(
     return task
 
 
-def random_signals(seed: int, task: Task, shape: tuple[int, ...], *, spread: float = 1.0) -> dict[str, Any]:
+def random_signals(
+    seed: int, task: Task, shape: tuple[int, ...], *, spread: float = 1.0
+) -> dict[str, Any]:
     """Values inside the signals' ranges; a `spread` above 1 leaves them on both sides."""
     rng = np.random.default_rng(seed)
     found = {}
@@ -108,7 +110,11 @@ def _predicate(rng: np.random.Generator, scope: Task, depth: int, nesting: int) 
     share = rng.uniform(0.2, 0.8)
     threshold = float(bounds.low + share * (bounds.high - bounds.low))
     right = as_expression(threshold if np.isfinite(threshold) else 0.5)
-    return Comparison(left, relation, right) if rng.random() < 0.7 else Comparison(right, relation, left)
+    return (
+        Comparison(left, relation, right)
+        if rng.random() < 0.7
+        else Comparison(right, relation, left)
+    )
 
 
 def _scalar(rng: np.random.Generator, depth: int, others: tuple[str, ...]) -> Expression:

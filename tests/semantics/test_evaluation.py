@@ -86,7 +86,7 @@ def test_a_batch_gives_the_same_as_its_states(driving: Task) -> None:
     assert found.satisfied[0].tolist() == [True, False, True]
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", range(30))
 def test_three_classes_give_the_papers_expanded_formula(seed: int) -> None:
     task = random_task(seed, target="achieve", counts=(seed % 4, seed // 4 % 4))
     plan = plan_of(task)
@@ -98,7 +98,7 @@ def test_three_classes_give_the_papers_expanded_formula(seed: int) -> None:
     np.testing.assert_allclose(found.potential, expected, atol=1e-12)
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", range(30))
 def test_every_order_gives_products_over_all_that_is_more_important(seed: int) -> None:
     task = random_task(seed, counts=(3, 3), preferences=4)
     signals = random_signals(seed, task, (20,))
@@ -113,7 +113,7 @@ def test_every_order_gives_products_over_all_that_is_more_important(seed: int) -
 
 
 @pytest.mark.parametrize("spread", [1.0, 10.0])
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(20))
 def test_potential_lies_between_zero_and_the_number_of_requirements(
     seed: int, spread: float
 ) -> None:
@@ -132,7 +132,7 @@ def test_signals_far_outside_their_ranges_clip_scores_and_not_margins(driving: T
     assert found.potential.tolist() == [potential(driving, as_batch(far))[0]] == [1.0]
 
 
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", range(20))
 def test_losing_one_safety_requirement_removes_all_below_it(seed: int) -> None:
     task = random_task(seed, target="conquer", counts=(3, 2))
     plan = plan_of(task)
@@ -142,7 +142,7 @@ def test_losing_one_safety_requirement_removes_all_below_it(seed: int) -> None:
     assert np.array_equal(found.potential[lost], safety[lost])
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(20))
 def test_the_order_of_the_text_changes_nothing(seed: int) -> None:
     task = random_task(seed, counts=(2, 3), preferences=seed % 4)
     signals = random_signals(seed, task, (30,))
@@ -242,7 +242,9 @@ def test_empty_classes_and_tasks() -> None:
     only_constants = parse_task("ensure always: 1 > 0")
     assert potential(only_constants, {}) == 1.0
     assert evaluate_arrays(plan_of(only_constants), {}, np).satisfied.tolist() == [True]
-    only_safety = parse_task("signal x in [-1, 1]\nensure either: x > 0 or x < -0.5\nensure low: x < 0.9")
+    only_safety = parse_task(
+        "signal x in [-1, 1]\nensure either: x > 0 or x < -0.5\nensure low: x < 0.9"
+    )
     assert potential(only_safety, {"x": np.asarray([0.5, 0.0, -0.7])}).tolist() == [2.0, 1.0, 2.0]
 
 

@@ -34,7 +34,7 @@ def agree(found: Evaluation, expected: Evaluation, tolerance: float = 1e-9) -> N
         np.testing.assert_allclose(a, b, rtol=tolerance, atol=tolerance, err_msg=field)
 
 
-@pytest.mark.parametrize("seed", range(150))
+@pytest.mark.parametrize("seed", range(90))
 def test_floats_and_numpy_agree_and_margins_lie_in_their_bounds(seed: int) -> None:
     task = task_of(seed)
     shape = SHAPES[seed % 3]
@@ -54,7 +54,7 @@ def test_floats_and_numpy_agree_and_margins_lie_in_their_bounds(seed: int) -> No
         agree(alone, Evaluation(*(np.asarray(part)[(..., *index)] for part in whole)))
 
 
-@pytest.mark.parametrize("seed", range(150))
+@pytest.mark.parametrize("seed", range(60))
 def test_pytorch_agrees_with_numpy(seed: int) -> None:
     task = task_of(seed)
     signals = random_signals(seed, task, SHAPES[seed % 3])
@@ -63,7 +63,7 @@ def test_pytorch_agrees_with_numpy(seed: int) -> None:
     agree(found, evaluate(task, signals))
 
 
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize("seed", range(16))
 def test_jax_under_jit_and_vmap_agrees_with_numpy(seed: int) -> None:
     task = random_task(seed, depth=2, preferences=seed % 3)
     shape = SHAPES[seed % 3]
@@ -100,7 +100,9 @@ def test_single_precision_stays_single_precision(driving: Task) -> None:
 
 
 def test_constants_stay_where_the_signals_are() -> None:
-    task = parse_task("signal x in [-1, 1]\nachieve there: x > 0.5 or x <= -0.5\nensure fixed: 1 >= 0")
+    task = parse_task(
+        "signal x in [-1, 1]\nachieve there: x > 0.5 or x <= -0.5\nensure fixed: 1 >= 0"
+    )
     found = evaluate(task, {"x": torch.zeros(3, device="meta")})
     assert found.potential.device.type == "meta"
     assert found.potential.shape == (3,)
