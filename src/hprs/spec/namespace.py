@@ -153,15 +153,17 @@ def _extremum(
     return extremum
 
 
-def _minimum(a: float, b: float, *others: float) -> float:
-    # NaN propagates, as in NumPy; Python's min() would drop it.
-    least = a if a < b or a != a else b
-    return _minimum(least, *others) if others else least
+def _minimum(least: float, *others: float) -> float:
+    for other in others:
+        # NaN propagates, as in NumPy; Python's min() would drop it.
+        least = least if least < other or least != least else other
+    return least
 
 
-def _maximum(a: float, b: float, *others: float) -> float:
-    most = a if a > b or a != a else b
-    return _maximum(most, *others) if others else most
+def _maximum(most: float, *others: float) -> float:
+    for other in others:
+        most = most if most > other or most != most else other
+    return most
 
 
 def _divide(a: float, b: float) -> float:
