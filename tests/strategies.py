@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn, SearchStrategy
 
 from hprs.errors import SpecValidationError
-from hprs.spec.analysis import Inferred, infer
 from hprs.spec.expression import (
     FUNCTIONS,
     REDUCTIONS,
@@ -32,6 +31,7 @@ from hprs.spec.expression import (
     Relation,
     as_expression,
 )
+from hprs.spec.inference import Inferred, infer
 from hprs.spec.interval import Interval
 from hprs.spec.task import (
     CLASSES,

@@ -37,7 +37,12 @@ def rollout(
 def episodes(seed: int) -> tuple[Task, dict[str, Any], np.ndarray, np.ndarray]:
     task = random_task(seed, target=("achieve", "conquer")[seed % 2], depth=2, preferences=seed % 3)
     trace = random_signals(seed, task, (STEPS, 8))
-    return task, trace, task.potential(trace), rollout(Sparse(task), trace, terminated=True, truncated=False)
+    return (
+        task,
+        trace,
+        task.potential(trace),
+        rollout(Sparse(task), trace, terminated=True, truncated=False),
+    )
 
 
 def discounted(rewards: np.ndarray, discount: float) -> np.ndarray:
@@ -56,9 +61,7 @@ def test_undiscounted_paper_shaping_is_the_difference_of_the_ends(
 
 @pytest.mark.parametrize("discount", [0.9, 0.99, 1.0])
 @pytest.mark.parametrize("seed", range(20))
-def test_discounted_invariant_shaping_depends_on_the_ends_alone(
-    seed: int, discount: float
-) -> None:
+def test_discounted_invariant_shaping_depends_on_the_ends_alone(seed: int, discount: float) -> None:
     task, trace, psi, base = episodes(seed)
     reward = Hierarchical(task, "invariant", discount)
     ended = rollout(reward, trace, terminated=True, truncated=False) - base
@@ -77,7 +80,9 @@ def test_released_drops_shaping_on_the_last_transition(
     seed: int, terminated: bool, truncated: bool
 ) -> None:
     task, trace, psi, base = episodes(seed)
-    paid = rollout(Hierarchical(task, "released"), trace, terminated=terminated, truncated=truncated)
+    paid = rollout(
+        Hierarchical(task, "released"), trace, terminated=terminated, truncated=truncated
+    )
     np.testing.assert_allclose(paid[-1], base[-1])
     np.testing.assert_allclose((paid - base).sum(0), psi[-2] - psi[0], atol=1e-12)
 
@@ -89,7 +94,9 @@ def test_conventions_by_hand() -> None:
     assert rollout(Hierarchical(LINE), trace, **ended) == pytest.approx([0.25, 1 + 0.25])
     assert rollout(Hierarchical(LINE, "released"), trace, **ended) == pytest.approx([0.25, 1.0])
     # 0.9 * 1.75 - 1.5 = 0.075, and 1 + 0.9 * 0 - 1.75 = -0.75
-    assert rollout(Hierarchical(LINE, "invariant", 0.9), trace, **ended) == pytest.approx([0.075, -0.75])
+    assert rollout(Hierarchical(LINE, "invariant", 0.9), trace, **ended) == pytest.approx(
+        [0.075, -0.75]
+    )
     assert rollout(Sparse(LINE), trace, **ended) == pytest.approx([0.0, 1.0])
 
 
@@ -139,7 +146,9 @@ def test_floats_numpy_jax_and_pytorch_are_paid_the_same(end: Any) -> None:
         def step(memory: Any, now: Any) -> Any:
             return reward.step(memory, {"x": now[0]}, now[1], now[2])
 
-        return jax.lax.scan(step, reward.init({"x": x[0]}), (x[1:], terminated[1:], truncated[1:]))[1]
+        return jax.lax.scan(step, reward.init({"x": x[0]}), (x[1:], terminated[1:], truncated[1:]))[
+            1
+        ]
 
     arrays = (jnp.asarray(x, jnp.float32), jnp.asarray(terminated), jnp.asarray(truncated))
     np.testing.assert_allclose(scanned(*arrays), expected, atol=1e-6)
@@ -166,7 +175,9 @@ def test_every_reward_runs_in_one_scan(name: str) -> None:
 
 def test_rewards_by_name() -> None:
     assert make_reward("hprs", LINE) == Hierarchical(LINE, "paper")
-    assert make_reward("hprs", LINE, end="invariant", discount=1) == Hierarchical(LINE, "invariant", 1)
+    assert make_reward("hprs", LINE, end="invariant", discount=1) == Hierarchical(
+        LINE, "invariant", 1
+    )
     assert make_reward("sparse", LINE) == Sparse(LINE)
     assert make_reward("env", LINE) == EnvironmentReward(LINE)
     assert Sparse(LINE).init({"x": 0.0}) is None

@@ -3,7 +3,7 @@
 `python tests/spec/malformed.py > docs/errors.md` writes the page; a test compares the two.
 """
 
-# ruff: noqa: E501, RUF001
+# ruff: noqa: RUF001
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-# ruff: noqa: E501 (tables of messages are read better unbroken)
+
 import json
 import os
 import signal

@@ -235,10 +235,11 @@ def summarise(assessments: Sequence[Assessment]) -> Summary:
     if not assessments:
         raise ValueError("there is no episode to summarise.")
     pam = np.array([float(a.pam) for a in assessments])
+    comfort: np.ndarray[Any, np.dtype[np.float64]] = accomplished_comfort(pam)
     return Summary(
         safe=float(np.mean(pam >= SAFE)),
         safe_target=float(np.mean(pam >= ACCOMPLISHED)),
-        safe_target_comfort=float(np.mean(accomplished_comfort(pam))),
+        safe_target_comfort=float(np.mean(comfort)),
         pam=float(np.mean(pam)),
         requirements={
             label: float(np.mean([float(a.requirements[label]) for a in assessments]))

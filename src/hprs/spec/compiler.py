@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from hprs.spec.analysis import Inferred, infer
 from hprs.spec.expression import (
     REDUCTIONS,
     Binary,
@@ -30,6 +29,7 @@ from hprs.spec.expression import (
     mentions,
     names,
 )
+from hprs.spec.inference import Inferred, infer
 from hprs.spec.namespace import Array, Operations, array_operations, float_operations
 from hprs.spec.task import Task
 

@@ -365,14 +365,11 @@ class _Builder(Transformer[Token, Task]):
             return leaves[0]
         return And(leaves, position=_span(sides[0].position, sides[-1].position))
 
-    def sum(self, left: _Value, operator: Token, right: _Value) -> Binary:
+    def binary(self, left: _Value, operator: Token, right: _Value) -> Binary:
         position = _span(left.position, right.position)
         return Binary(
             cast(BinaryOperator, str(operator)), _number(left), _number(right), position=position
         )
-
-    product = sum
-    power = sum
 
     def negation(self, minus: Token, operand: _Value) -> Negate:
         return Negate(_number(operand), position=_span(_at(minus), operand.position))
@@ -391,7 +388,7 @@ class _Builder(Transformer[Token, Task]):
         return Number(value, position=_at(token))
 
     def degrees(self, token: Token, deg: Token) -> Binary:
-        return self.sum(self.number(token), Token("STAR", "*"), self.name(deg))
+        return self.binary(self.number(token), Token("STAR", "*"), self.name(deg))
 
     def name(self, token: Token) -> Name:
         return Name(str(token), position=_at(token))

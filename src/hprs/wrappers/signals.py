@@ -17,7 +17,7 @@ from gymnasium import spaces
 from hprs.errors import SignalError, did_you_mean
 from hprs.semantics.evaluation import EvaluatedSignals
 from hprs.semantics.plan import plan_of
-from hprs.spec.analysis import evaluate_constant
+from hprs.spec.inference import evaluate_constant
 from hprs.spec.task import Signal, Source, Task
 
 SignalFunction = Callable[[Any, Any, Any, Mapping[str, Any]], Mapping[str, Any]]
