@@ -9,7 +9,7 @@ from collections.abc import Callable
 import pytest
 from hypothesis import given
 
-from hprs.errors import Position, SpecError, SpecValidationError, did_you_mean
+from hprs.errors import MissingExtraError, Position, SpecError, SpecValidationError, did_you_mean
 from hprs.spec.expression import Name, Number
 from hprs.spec.parser import parse_task
 from hprs.spec.task import (
@@ -83,6 +83,12 @@ def test_classes_labels_target_bounds_and_ranges_are_read_off() -> None:
     assert Task().target is None
 
 
+def test_margins_and_potential_of_a_state_are_at_hand() -> None:
+    task = parse_task("signal x in [0, 4]\nconquer far: x >= 2")
+    assert task.margins({"x": 1.0}) == {"far": -1.0}
+    assert task.potential({"x": 1.0}) == 0.5
+
+
 @pytest.mark.parametrize(
     ("source", "text"),
     [
@@ -143,6 +149,11 @@ def test_errors_without_a_text_show_what_is_known() -> None:
         "    2 | ",
         "      |   ^",
     ]
+
+
+def test_a_missing_package_comes_with_the_command_that_installs_it() -> None:
+    error = MissingExtraError("torch", "sb3")
+    assert str(error) == "torch is not installed. Install it with: pip install 'hprs[sb3]'"
 
 
 def test_suggestions_come_for_close_names_only() -> None:
