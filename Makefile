@@ -34,7 +34,7 @@ $(STAMP): pyproject.toml constraints.txt
 	  fi; \
 	  $$found -m venv --clear .venv; \
 	fi
-	@$(RUN) pip install --quiet --disable-pip-version-check --no-input -c constraints.txt -e '.[dev]'
+	@$(RUN) pip install -qq --disable-pip-version-check --no-input -c constraints.txt -e '.[dev]'
 	@touch $@
 
 demo: $(STAMP) ## train, assess and film a policy for the cart-pole task
@@ -50,7 +50,7 @@ lint: $(STAMP) ## check format, style, spelling, types and layers
 	$(RUN) ruff check .
 	$(RUN) codespell_lib
 	$(RUN) pyright
-	.venv/bin/lint-imports
+	.venv/bin/lint-imports --no-logo
 
 check: lint ## everything that must hold: lint, then the tests with the coverage gate
 	@$(MAKE) --no-print-directory test COVERAGE=1
