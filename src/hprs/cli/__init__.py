@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 
@@ -22,19 +23,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     from hprs.errors import HprsError
 
     try:
-        command = parse(sys.argv[1:] if argv is None else list(argv))
+        return parse(sys.argv[1:] if argv is None else list(argv)).run()
     except SystemExit as exit_:
         return exit_.code if isinstance(exit_.code, int) else CALL_WRONG
-    try:
-        return command.run()
     except HprsError as error:
         return _complain(error)
     except KeyboardInterrupt:
         print("hprs: interrupted.", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:
-        # Whoever read the output, such as `head`, has seen enough.
-        sys.stderr.close()
+        # Whoever read the output, such as `head`, has seen enough; nothing may be flushed to it.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return DONE
 
 
