@@ -1,4 +1,3 @@
-
 import pytest
 
 from hprs.envs import task_of
