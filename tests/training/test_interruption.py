@@ -6,6 +6,14 @@ import pytest
 from hprs.training.interruption import Interruption
 
 
+@pytest.fixture(autouse=True)
+def interrupts():
+    """A shell that starts a job in the background lets it ignore SIGINT; these tests need it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 def test_the_first_signal_is_a_request_and_the_second_acts():
     heard = []
     with pytest.raises(KeyboardInterrupt), Interruption(lambda: heard.append(1)) as interruption:
