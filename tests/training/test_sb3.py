@@ -220,6 +220,26 @@ def test_training_leaves_pytorch_as_it_was(tmp_path):
     assert torch.get_num_threads() == before
 
 
+def test_a_policy_acts_on_one_thread_and_leaves_pytorch_as_it_was(tmp_path, monkeypatch):
+    [run] = create_runs([ppo()], tmp_path)
+    sb3.train(run, Interrupter(1))
+    policy = sb3.load_policy(run, "last")
+    seen = []
+    predict = policy.model.predict
+    monkeypatch.setattr(
+        policy.model,
+        "predict",
+        lambda *args, **kwargs: seen.append(torch.get_num_threads()) or predict(*args, **kwargs),
+    )
+    before = torch.get_num_threads()
+    torch.set_num_threads(2)
+    try:
+        policy(np.zeros(4, np.float32))
+        assert (seen, torch.get_num_threads()) == ([1], 2)
+    finally:
+        torch.set_num_threads(before)
+
+
 def test_invariant_shaping_shares_the_learners_discount():
     configuration = sb3.configure(CART_POLE, end="invariant", settings={"gamma": 0.9})
     assert make_configured(configuration).reward.discount == 0.9

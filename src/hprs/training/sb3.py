@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import inspect
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -140,14 +141,9 @@ def train(run: RunDirectory, listener: Listener | None = None) -> bool:
     """
     require("stable_baselines3", "sb3")
     require("tensorboard", "sb3")
-    torch = require("torch", "sb3")
-    threads = torch.get_num_threads()
-    # A small network is computed faster than its work is handed to a second thread.
-    torch.set_num_threads(run.configuration.parameters["threads"])
-    try:
+    require("torch", "sb3")
+    with _threads(run.configuration.parameters["threads"]):
         return _train(run, listener or Silence())
-    finally:
-        torch.set_num_threads(threads)
 
 
 @dataclass(frozen=True)
@@ -162,7 +158,8 @@ class Learner:
 
     def batch(self, observations: Sequence[Any]) -> Sequence[Any]:
         """One action for each observation."""
-        return list(self.model.predict(_stack(observations), deterministic=True)[0])
+        with _threads(1):
+            return list(self.model.predict(_stack(observations), deterministic=True)[0])
 
 
 def load_policy(run: RunDirectory, which: Which) -> Learner:
@@ -201,6 +198,26 @@ def _class_name(data: Mapping[str, Any]) -> str:
     if family in ("sac", "td3", "dqn"):
         return family.upper()
     return "PPO" if "clip_range" in data else "A2C"
+
+
+@contextmanager
+def _threads(count: int) -> Iterator[None]:
+    """Let PyTorch use this many threads, and set it back.
+
+    On a busy machine a second thread makes a small network fifty times slower: each waits for the
+    other at every layer.
+    """
+    import torch
+
+    before = torch.get_num_threads()
+    if before == count:
+        yield
+        return
+    torch.set_num_threads(count)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 def _train(run: RunDirectory, listener: Listener) -> bool:
