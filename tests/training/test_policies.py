@@ -10,7 +10,9 @@ from hprs.training.policies import import_policy
 def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [path for path in sys.path if path != ""])
-    (tmp_path / "policies_beside_the_user.py").write_text("def left(observation):\n    return 0\n\nx = 3\n")
+    (tmp_path / "policies_beside_the_user.py").write_text(
+        "def left(observation):\n    return 0\n\nx = 3\n"
+    )
     yield
     sys.modules.pop("policies_beside_the_user", None)
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 
+import hprs
 from hprs.errors import SignalError, UsageError
 from hprs.wrappers.single import wrap
 from hprs.wrappers.vector import wrap_vector
@@ -212,3 +213,41 @@ def test_nan_names_signal_step_and_sub_environment():
     with pytest.raises(SignalError, match="signal 'x' is NaN at step 3 of sub-environment 1"):
         for _ in range(5):
             envs.step(np.zeros((2, 1)))
+
+
+class Sparing(Slider):
+    """Single precision, and an info entry of two numbers that is absent at reset."""
+
+    def reset(self, **arguments):
+        observation, info = super().reset(**arguments)
+        return observation.astype(np.float32), info
+
+    def step(self, action):
+        observation, reward, terminated, truncated, info = super().step(action)
+        info["load"] = np.array([0.25, 0.5])
+        return observation.astype(np.float32).round(1), reward, terminated, truncated, info
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_initial_values_of_vectors_and_single_precision_equal_the_single_wrapper(mode, count):
+    task = hprs.parse_task(
+        "signal x = obs[0] in [-9, 9]\nsignal load[2] = info.load initially 0.5 in [0, 1]\n"
+        "ensure near: x <= 0.3\nencourage light: sum(load) <= 0.9"
+    )
+    envs = wrap_vector(SyncVectorEnv([Sparing] * count, autoreset_mode=mode), task)
+    singles = [wrap(Sparing(), task) for _ in range(count)]
+    _, infos = envs.reset(seed=0)
+    for index, env in enumerate(singles):
+        _, info = env.reset(seed=index)
+        assert info["margins"]["light"] == infos["margins"]["light"][index] == pytest.approx(-0.1)
+    for push in (0.2, -0.1, 0.15, 0.1):
+        _, rewards, terminated, _, _ = envs.step(np.full((count, 1), push))
+        for index, env in enumerate(singles):
+            _, reward, ended, _, _ = env.step(np.array([push]))
+            assert (rewards[index], terminated[index]) == (pytest.approx(reward, abs=1e-12), ended)
+        if terminated.any():
+            break
+    if mode == AutoresetMode.NEXT_STEP:
+        for _ in range(20):
+            envs.step(np.full((count, 1), 0.3))

@@ -39,7 +39,7 @@ class Reader:
     """
 
     reads: Mapping[str, Read]
-    initially: Mapping[str, float]
+    initially: Mapping[str, Any]
     vectors: frozenset[str]
     function: SignalFunction | None = None
 
@@ -123,7 +123,7 @@ def make_reader(
     return Reader(
         reads={signal.name: _reader(signal, observation_space, action_space) for signal in signals},
         initially={
-            signal.name: evaluate_constant(signal.initially, known, signal.name)
+            signal.name: _filled(signal, evaluate_constant(signal.initially, known, signal.name))
             for signal in signals
             if signal.initially is not None
         },
@@ -152,6 +152,11 @@ def _quick(
     if not all(isinstance(index, int) for index in indices):
         return None
     return operator.itemgetter(*indices)
+
+
+def _filled(signal: Signal, value: float) -> Any:
+    """The value, in every component of a vector."""
+    return value if signal.length is None else np.full(signal.length, value)
 
 
 def zero_action(space: gym.Space[Any]) -> Any:

@@ -92,6 +92,12 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
         self._reader = make_reader(
             task, envs.single_observation_space, envs.single_action_space, signals
         )
+        lengths = {s.name: () if s.length is None else (s.length,) for s in task.signals}
+        self._shapes = {name: (envs.num_envs, *lengths[name]) for name in plan.signals}
+        self._fillers = {
+            name: min(max(0.0, task.ranges[name].low), task.ranges[name].high)
+            for name in plan.signals
+        }
         self._scalars = [name for name in plan.signals if name not in self._reader.vectors]
         ends = [task.ranges[name] for name in self._scalars]
         self._lows = np.array([[end.low] for end in ends])
@@ -260,7 +266,7 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
         actions: Any,
         last_actions: Any,
         infos: dict[str, Any],
-        missing: Mapping[str, float],
+        missing: Mapping[str, Any],
         mask: Mask,
     ) -> EvaluatedSignals:
         """Signals of all rows; those outside the mask may hold anything."""
@@ -270,7 +276,7 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
             given = self._reader.function(observation, actions, last_actions, infos)
         for name, read in self._reader.reads.items():
             if name in given:
-                values[name] = np.asarray(given[name])
+                values[name] = np.asarray(given[name], dtype=np.float64)
                 continue
             present = self._present(name, infos)
             if not present[mask].all() and name not in missing:
@@ -279,11 +285,14 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
                     f"signal '{name}' is missing in sub-environment {row}: its info does not "
                     "supply it."
                 )
+            # In rows that supply nothing stands the initial value, or any value of the range. The
+            # single wrapper computes in double precision; so does this one.
+            value = np.broadcast_to(missing.get(name, self._fillers[name]), self._shapes[name])
             if present.any():
-                values[name] = np.asarray(read(observation, actions, last_actions, infos))
-            if name in missing:
-                start = np.full(self.num_envs, missing[name])
-                values[name] = np.where(present, values[name], start) if present.any() else start
+                read_value = np.asarray(read(observation, actions, last_actions, infos), np.float64)
+                here = present if value.ndim == 1 else present[:, None]
+                value = read_value if present.all() else np.where(here, read_value, value)
+            values[name] = value
         return values
 
     def _present(self, name: str, infos: dict[str, Any]) -> Mask:
