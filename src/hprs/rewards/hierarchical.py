@@ -46,15 +46,7 @@ class Hierarchical:
 
     def __post_init__(self) -> None:
         """Check the convention and its discount."""
-        if self.end not in ENDS:
-            raise UsageError(
-                f"unknown end '{self.end}'; choose one of {', '.join(ENDS)}."
-                f"{did_you_mean(self.end, ENDS)}"
-            )
-        if self.end == "invariant" and self.discount is None:
-            raise UsageError("end='invariant' needs the learner's discount, as in discount=0.99.")
-        if self.discount is not None and not 0.0 < self.discount <= 1.0:
-            raise UsageError(f"discount must lie in (0, 1], got {self.discount}.")
+        check_convention(self.end, self.discount)
 
     @cached_property
     def _target_row(self) -> int | None:
@@ -79,3 +71,19 @@ class Hierarchical:
             if self.end == "released":
                 shaping = select(terminated | truncated, shaping * 0.0, shaping)
         return potential, base_reward(self._target_row, evaluation) + shaping
+
+
+def check_convention(end: str, discount: float | None) -> None:
+    """Refuse what `Hierarchical` could not use.
+
+    Raises:
+        UsageError: Unknown `end`, or a discount that is missing or outside (0, 1].
+    """
+    if end not in ENDS:
+        raise UsageError(
+            f"unknown end '{end}'; choose one of {', '.join(ENDS)}.{did_you_mean(end, ENDS)}"
+        )
+    if end == "invariant" and discount is None:
+        raise UsageError("end='invariant' needs the learner's discount, as in discount=0.99.")
+    if discount is not None and not 0.0 < discount <= 1.0:
+        raise UsageError(f"discount must lie in (0, 1], got {discount}.")

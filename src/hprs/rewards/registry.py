@@ -8,7 +8,7 @@ from types import MappingProxyType
 from hprs.errors import UsageError, did_you_mean
 from hprs.rewards.base import Reward
 from hprs.rewards.environment import EnvironmentReward
-from hprs.rewards.hierarchical import End, Hierarchical
+from hprs.rewards.hierarchical import End, Hierarchical, check_convention
 from hprs.rewards.sparse import Sparse
 from hprs.spec.task import Task
 
@@ -43,4 +43,5 @@ def make_reward(
             f"unknown reward '{name}'; choose one of {', '.join(REWARDS)}."
             f"{did_you_mean(name, REWARDS)}"
         )
+    check_convention(end, discount)
     return REWARDS[name](task, end, discount)

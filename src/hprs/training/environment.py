@@ -38,11 +38,7 @@ def make_bare(environment: str, *, horizon: int | None = None, **options: Any) -
         return gym.make(name, max_episode_steps=horizon, **options)
     except gym.error.DependencyNotInstalled as error:
         raise UsageError(f"{environment} needs a package that is not installed: {error}") from None
-    except (
-        gym.error.UnregisteredEnv,
-        gym.error.NameNotFound,
-        gym.error.NamespaceNotFound,
-    ) as error:
+    except gym.error.Error as error:
         raise UsageError(
             f"unknown environment '{environment}'."
             f"{did_you_mean(name, gym.registry) or ' `hprs tasks` lists the built-in ones.'}"
@@ -118,6 +114,8 @@ def _import(module: str, environment: str) -> None:
     # Users keep environments beside their tasks, and an installed command does not look there.
     if "" not in sys.path and str(Path.cwd()) not in sys.path:
         sys.path.insert(0, "")
+    if not all(part.isidentifier() for part in module.split(".")):
+        raise UsageError(f"unknown environment '{environment}': '{module}' is not a module's name.")
     try:
         importlib.import_module(module)
     except ModuleNotFoundError as error:
