@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import resources
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from hprs.spec.task import Task
@@ -30,6 +30,8 @@ class Benchmark:
     """One line for people who choose."""
     vector_entry_point: str | None = None
     """A vectorised version of it, where there is one."""
+    options: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    """Arguments that make this benchmark of the class."""
 
     @property
     def task_text(self) -> str:
@@ -56,6 +58,28 @@ BENCHMARKS: Mapping[str, Benchmark] = MappingProxyType(
                 description="keep a pole up and park its cart on a mark",
                 vector_entry_point="hprs.envs.cart_pole.env:CartPoleVector",
             ),
+            Benchmark(
+                id="hprs/LunarLanderObstacle-v0",
+                package="hprs.envs.lunar_lander",
+                entry_point="hprs.envs.lunar_lander.env:LunarLanderObstacle",
+                horizon=600,
+                description="fly round an obstacle, land on the pad and stay there",
+            ),
+            Benchmark(
+                id="hprs/BipedalWalker-v0",
+                package="hprs.envs.bipedal_walker",
+                entry_point="hprs.envs.bipedal_walker.env:BipedalWalker",
+                horizon=500,
+                description="walk to a goal without falling",
+            ),
+            Benchmark(
+                id="hprs/BipedalWalkerHardcore-v0",
+                package="hprs.envs.bipedal_walker",
+                entry_point="hprs.envs.bipedal_walker.env:BipedalWalker",
+                horizon=500,
+                description="the same over stumps, pits and stairs",
+                options={"hardcore": True},
+            ),
         )
     }
 )
@@ -75,6 +99,7 @@ def register() -> None:
                 entry_point=benchmark.entry_point,
                 vector_entry_point=benchmark.vector_entry_point,
                 max_episode_steps=benchmark.horizon,
+                kwargs=dict(benchmark.options),
             )
 
 
