@@ -5,13 +5,14 @@ import pytest
 
 from hprs.envs import task_of, task_text_of
 from hprs.errors import RunError
+from hprs.training.checkpoint import Checkpoint, Progress
 from hprs.training.configuration import Configuration
 from hprs.training.environment import make_environment
 from hprs.training.evaluation import evaluate
+from hprs.training.evaluation_table import columns, format_rows
 from hprs.training.policies import ConstantPolicy
 from hprs.training.run_directory import (
     RunDirectory,
-    columns,
     create_runs,
     find_runs,
     folder_of,
@@ -62,6 +63,7 @@ def test_the_digest_covers_what_changes_numbers_and_not_the_seed():
         {"steps": 2000},
         {"parameters": {"gamma": 0.9}},
         {"horizon": 100},
+        {"environment_options": {"gravity": 9.0}},
         {"task_text": CONFIGURATION.task_text.replace("mark = 1.0", "mark = -1.0")},
     ):
         assert replace(CONFIGURATION, **change).digest != CONFIGURATION.digest
@@ -90,9 +92,16 @@ def test_a_module_in_an_environment_id_stays_one_folder(tmp_path):
     assert folder.parent == tmp_path / "pkg.mod-ns-Env-v0"
 
 
+def save(run, episodes, step, **progress):
+    rows = format_rows(CONFIGURATION.task, step, episodes)
+    checkpoint = Checkpoint(Progress(step=step, evaluated=step, **progress), rows, {"a": b"1"})
+    run.save(checkpoint, evaluated=True)
+    return checkpoint
+
+
 def test_evaluations_have_one_row_an_episode_and_one_column_a_requirement(run, episodes):
-    run.append(0, episodes)
-    run.append(100, episodes[:1])
+    save(run, episodes, 0)
+    save(run, episodes[:1], 100)
     lines = (run.path / "evaluations.csv").read_text().splitlines()
     assert lines[0] == (
         "step,seed,length,return,pam,safe,target,ensure.on_track,ensure.pole_up,"
@@ -108,37 +117,40 @@ def test_evaluations_have_one_row_an_episode_and_one_column_a_requirement(run, e
     assert list(found) == columns(CONFIGURATION.task)
 
 
-def test_truncating_removes_later_rows_and_half_a_row(run, episodes):
-    run.append(0, episodes)
-    run.append(100, episodes)
-    with (run.path / "evaluations.csv").open("a") as file:
-        file.write("0,4,1")
-    assert len(run.evaluations()) == 4
-    run.truncate(0)
-    assert [row["step"] for row in run.evaluations()] == [0.0, 0.0]
-    assert (run.path / "evaluations.csv").read_text().endswith("\n")
+def test_a_checkpoint_comes_back_as_it_was(run, episodes):
+    saved = save(run, episodes, 100, next_evaluation=200, best_pam=0.1, best_step=100)
+    assert RunDirectory(run.path).checkpoint() == saved
 
 
-def test_a_folder_is_replaced_whole_or_not_at_all(run):
-    with run.replacing("checkpoint") as folder:
-        (folder / "a").write_text("1")
-    with pytest.raises(KeyError), run.replacing("checkpoint") as folder:
-        (folder / "a").write_text("2")
-        raise KeyError
-    assert (run.checkpoint() / "a").read_text() == "1"
-    with run.replacing("checkpoint") as folder:
-        (folder / "b").write_text("3")
-    assert [file.name for file in run.checkpoint().iterdir()] == ["b"]
+@pytest.mark.parametrize("left", ["", "100,4,1", "100,4,9,0.0,0.0,0,0,1,0,0,0.0,0.0\n100,5"])
+def test_opening_a_run_adds_the_rows_that_a_kill_kept_from_the_table(run, episodes, left):
+    save(run, episodes, 0)
+    table = run.path / "evaluations.csv"
+    before = table.read_text()
+    save(run, episodes, 100)
+    after = table.read_text()
+    table.write_text(before + left)
+    run.open()
+    assert table.read_text() == after
+    run.open()
+    assert table.read_text() == after
 
 
-def test_death_between_the_two_renames_leaves_the_old_checkpoint(run):
-    with run.replacing("checkpoint") as folder:
-        (folder / "a").write_text("1")
-    (run.path / "checkpoint").rename(run.path / ".checkpoint.old")
-    assert (run.checkpoint() / "a").read_text() == "1"
-    with run.replacing("checkpoint") as folder:
-        (folder / "a").write_text("2")
-    assert (run.checkpoint() / "a").read_text() == "2"
+def test_opening_a_run_without_checkpoint_empties_the_table(run):
+    table = run.path / "evaluations.csv"
+    header = table.read_text()
+    table.write_text(header + "0,4,1")
+    assert run.open() is None
+    assert table.read_text() == header
+
+
+def test_a_policy_is_kept_and_checked(run):
+    run.save_policy("best", trainer="sb3", step=7, name="policy.zip", data=b"network")
+    assert run.policy_file("best").read_bytes() == b"network"
+    assert run.policy_step("best") == 7
+    run.policy_file("best").write_bytes(b"networc")
+    with pytest.raises(RunError, match=r"policy.zip is damaged"):
+        run.policy_file("best")
 
 
 def test_a_run_is_found_by_itself_or_among_its_seeds(tmp_path):
@@ -169,16 +181,44 @@ def test_runs_of_different_configurations_are_not_pooled(run):
     ("text", "message"),
     [
         ("{", "cannot be read"),
-        ("[]", "is not of format 1"),
-        ('{"format": 9}', "is not of format 1"),
-        ('{"format": 1}', "cannot be used"),
-        ('{"format": 1, "configuration": {"seed": 0}}', "written by another version of hprs"),
+        ("[]", "is of format None, written by another version of hprs"),
+        ('{"format": 0}', "is of format 0, written by another version of hprs"),
+        (
+            '{"format": 9, "versions": {"hprs": "7.0"}}',
+            r"is of format 9, written by hprs 7.0; this hprs .* reads formats 1 to 2. Use it with hprs 7.0",
+        ),
+        ('{"format": 2}', "cannot be used"),
+        ('{"format": 2, "configuration": {"seed": 0}}', "written by another version of hprs"),
     ],
 )
 def test_a_broken_run_file_is_said(run, text, message):
     (run.path / "run.json").write_text(text)
     with pytest.raises(RunError, match=message):
         _ = RunDirectory(run.path).configuration
+
+
+def rewrite(run, **changes):
+    file = run.path / "run.json"
+    content = json.loads(file.read_text())
+    if changes["format"] == 1:
+        del content["configuration"]["environment_options"]
+    file.write_text(json.dumps(content | changes))
+    return RunDirectory(run.path)
+
+
+def test_a_run_of_format_1_can_be_read_and_not_be_gone_on_with(run, episodes):
+    save(run, episodes, 0)
+    old = rewrite(run, format=1, versions={"hprs": "0.0.9"})
+    assert old.configuration == CONFIGURATION
+    assert len(old.evaluations()) == 2
+    with pytest.raises(RunError, match=r"written by hprs 0.0.9 in format 1, whose checkpoints"):
+        old.open()
+
+
+def test_what_a_process_left_that_died_while_it_made_a_run_is_taken_over(run, tmp_path):
+    (run.path / "run.json").unlink()
+    assert create_runs([CONFIGURATION], tmp_path) == [run]
+    assert run.configuration == CONFIGURATION
 
 
 def test_a_missing_policy_is_said(run):

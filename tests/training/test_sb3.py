@@ -9,11 +9,12 @@ import torch
 
 from hprs.errors import SignalError, SpecError, UsageError
 from hprs.training import sb3
-from hprs.training.checkpoint import Progress
 from hprs.training.environment import make_configured
 from hprs.training.evaluation import TRAINING_SEEDS, episode_seeds, evaluate
 from hprs.training.listener import Silence
 from hprs.training.run_directory import create_runs
+from hprs.training.sb3.model import make_vector
+from hprs.training.sb3.policy import stack
 
 CART_POLE = "hprs/CartPole-v0"
 SMALL = {"environments": 2, "n_steps": 32, "batch_size": 32, "n_epochs": 1, "net_arch": [8]}
@@ -93,7 +94,7 @@ def test_ppo_writes_a_complete_run_directory(tmp_path):
     names = {file.name for file in run.path.iterdir()}
     assert {"run.json", "evaluations.csv", "checkpoint", "policy"} <= names
     assert json.loads((run.policy("last") / "policy.json").read_text())["step"] == 192
-    assert Progress.load(run.checkpoint()).step == 192
+    assert run.checkpoint().progress.step == 192
 
 
 def test_the_last_policy_is_the_one_that_was_evaluated(tmp_path):
@@ -118,7 +119,7 @@ def test_the_best_policy_has_the_highest_mean_pam(tmp_path):
     }
     best = json.loads((run.policy("best") / "policy.json").read_text())["step"]
     assert best == max(means, key=means.get)
-    assert Progress.load(run.checkpoint()).best_pam == pytest.approx(max(means.values()))
+    assert run.checkpoint().progress.best_pam == pytest.approx(max(means.values()))
 
 
 def test_the_same_seed_gives_the_same_numbers_and_another_seed_others(tmp_path):
@@ -137,7 +138,7 @@ def test_sac_trains_on_an_environment_that_is_not_ours(tmp_path, mountain):
     assert sb3.train(run)
     assert steps(run) == [0, 0, 60, 60, 120, 120]
     assert all(row["length"] == 40 for row in run.evaluations())
-    assert (run.checkpoint() / "replay.pkl").is_file()
+    assert [segment.stop for segment in run.checkpoint().segments] == [120]
 
 
 @pytest.mark.parametrize("make", [lambda mountain: ppo(), sac], ids=["ppo", "sac"])
@@ -149,7 +150,7 @@ def test_an_interrupted_training_resumes_without_loss_or_doubles(tmp_path, mount
     assert not sb3.train(run, listener)
     assert listener.asked == 1
     assert signal.getsignal(signal.SIGINT) is before
-    written, stopped = rows(run), Progress.load(run.checkpoint()).step
+    written, stopped = rows(run), run.checkpoint().progress.step
     assert 70 <= stopped < configuration.steps
     assert sb3.train(run)
     assert rows(run)[: len(written)] == written
@@ -160,39 +161,15 @@ def test_an_interrupted_training_resumes_without_loss_or_doubles(tmp_path, mount
     assert sb3.train(run), "a complete run has nothing left to do"
 
 
-def test_a_killed_training_resumes_from_its_checkpoint(tmp_path):
-    [run] = create_runs([ppo()], tmp_path)
-    with pytest.raises(MemoryError):
-        sb3.train(run, Killer(100))
-    assert Progress.load(run.checkpoint()).step == 64
-    # As if the process had died between the rows and their checkpoint.
-    with (run.path / "evaluations.csv").open("a") as file:
-        file.write("128,1000000,9,0.0,0.0,0,0,1,0,0,0.0,0.0\n128,10")
-    assert sb3.train(run)
-    assert steps(run) == [0, 0, 64, 64, 128, 128, 192, 192]
-
-
-def test_resuming_restores_networks_optimiser_and_replay_buffer(tmp_path, mountain):
-    [run] = create_runs([sac(mountain)], tmp_path)
-    sb3.train(run, Interrupter(70))
-    folder = run.checkpoint()
-    environments = sb3._make_vector(run.configuration, folder)
-    model = sb3._make_model(run.configuration, environments, folder)
-    progress = Progress.load(folder)
-    assert model.num_timesteps == progress.step
-    assert model.replay_buffer.pos == progress.step
-    assert len(model.actor.optimizer.state_dict()["state"]) > 0
-    assert float(model.log_ent_coef.detach()) != pytest.approx(np.log(0.02))
-
-
-def test_a_killed_training_gets_the_best_policy_its_checkpoint_promises(tmp_path):
+def test_a_killed_training_gets_the_policies_its_checkpoint_promises(tmp_path):
     [run] = create_runs([ppo(evaluation_interval=1000)], tmp_path)
     with pytest.raises(MemoryError):
         sb3.train(run, Killer(1))
-    assert Progress.load(run.checkpoint()).best_step == 0
+    assert run.checkpoint().progress.best_step == 0
     (run.policy("best") / "policy.json").unlink()
+    (run.policy("last") / "policy.json").unlink()
     sb3.train(run, Interrupter(1))
-    assert json.loads((run.policy("best") / "policy.json").read_text())["step"] == 0
+    assert (run.policy_step("best"), run.policy_step("last")) == (0, 0)
 
 
 def test_tensorboard_gets_every_requirement(tmp_path):
@@ -247,7 +224,7 @@ def test_invariant_shaping_shares_the_learners_discount():
 
 def test_the_shaped_reward_reaches_the_learner(tmp_path):
     configuration = sb3.configure(CART_POLE, settings={"environments": 1, "scale_reward": False})
-    vector = sb3._make_vector(configuration, None)
+    vector = make_vector(configuration)
     vector.seed(3)
     vector.reset()
     single = make_configured(configuration)
@@ -258,7 +235,7 @@ def test_the_shaped_reward_reaches_the_learner(tmp_path):
 
 def test_a_dictionary_of_observations_is_batched():
     seen = [{"a": np.zeros(2), "b": np.int64(1)}, {"a": np.ones(2), "b": np.int64(2)}]
-    stacked = sb3._stack(seen)
+    stacked = stack(seen)
     assert stacked["a"].shape == (2, 2)
     assert stacked["b"].tolist() == [1, 2]
 

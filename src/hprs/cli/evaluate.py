@@ -101,7 +101,13 @@ class Evaluate:
         )
         return (
             title,
-            lambda: make_environment(configuration.environment, task, "sparse", horizon=horizon),
+            lambda: make_environment(
+                configuration.environment,
+                task,
+                "sparse",
+                horizon=horizon,
+                **configuration.environment_options,
+            ),
             policies,
         )
 

@@ -75,6 +75,10 @@ class TrainingProgress:
         timing = f"  {rate:,.0f} steps/s, {_clock(left)} left" if rate else ""
         self._say(f"step {step:>9,}  {measures}{timing}")
 
+    def noticed(self, text: str) -> None:
+        """Say it."""
+        self._console.print(text, soft_wrap=True)
+
     def stopping(self) -> None:
         """Ask for patience."""
         self._console.print("Stopping as soon as the state can be saved; Ctrl-C again stops now.")

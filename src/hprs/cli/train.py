@@ -4,27 +4,34 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from hprs.errors import UsageError
+from hprs.rewards.hierarchical import End
+from hprs.rewards.registry import REWARDS
+from hprs.training.algorithms import ALGORITHMS, DEFAULT_ALGORITHMS, DEFAULT_STEPS, OURS
+from hprs.training.configuration import Configuration
 
 if TYPE_CHECKING:
-    from hprs.rewards.hierarchical import End
     from hprs.training.run_directory import RunDirectory
+
+_SUITED = ", ".join(f"{name} for {space} actions" for space, name in DEFAULT_ALGORITHMS.items())
 
 
 @dataclass(frozen=True)
 class Train:
     """Train a policy and write a run directory; go on with one that was stopped.
 
-    Ctrl-C saves the state and says how to go on. Nothing recorded is lost or written twice.
+    Ctrl-C saves the state and says how to go on. Whatever ends the process, nothing recorded is
+    lost or written twice.
 
     Examples:
       hprs train hprs/CartPole-v0
       hprs train hprs/CartPole-v0 --seeds 5 --set learning_rate=0.001 --set net_arch=[32,32]
       hprs train hprs/CartPole-v0 --task my_task.hprs --reward sparse
+      hprs train hprs/LunarLanderObstacle-v0 --env obstacle=[-0.1,0.1]
       hprs train MountainCarContinuous-v0 --task my_task.hprs --steps 50000
       hprs train my_module:MyEnv-v0 --task my_task.hprs --horizon 1000
       hprs train --resume runs/hprs-CartPole-v0/hprs-ppo-1a2b3c4d
@@ -37,28 +44,48 @@ class Train:
     """Benchmark (`hprs tasks`), any Gymnasium id, or module:id."""
     task: Annotated[str | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
     """Task file; a benchmark has its own."""
-    reward: str = "hprs"
-    """What the learner is paid: hprs, sparse (the target alone), env (the environment's own)."""
-    end: str = "paper"
+    reward: Annotated[
+        str, tyro.conf.arg(help=f"What the learner is paid: {', '.join(REWARDS)}.")
+    ] = Configuration.reward
+    end: str = Configuration.end
     """How shaping ends an episode: paper (as printed; does not keep the optimal policy of a
     discount below 1), invariant (keeps it), released (as the paper's code)."""
-    seed: int = 0
+    seed: int = Configuration.seed
     """Seed of the training."""
     seeds: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
     """Train the seeds 0 to N-1, one after the other."""
-    steps: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
-    """Environment steps; default: what the benchmark needs, else 1,000,000."""
-    algorithm: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="")] = None
-    """ppo, sac, a2c, td3, ddpg or dqn; default: sac for continuous actions, else ppo."""
+    steps: Annotated[
+        int | None,
+        tyro.conf.arg(
+            metavar="N",
+            help_behavior_hint="",
+            help=f"Environment steps; default: what the benchmark needs, else {DEFAULT_STEPS:,}.",
+        ),
+    ] = None
+    algorithm: Annotated[
+        str | None,
+        tyro.conf.arg(
+            metavar="NAME",
+            help_behavior_hint="",
+            help=f"{', '.join(ALGORITHMS)}; default: {_SUITED}, else ppo.",
+        ),
+    ] = None
     settings: Annotated[
         tyro.conf.UseAppendAction[tuple[str, ...]],
-        tyro.conf.arg(name="set", metavar="KEY=VALUE"),
+        tyro.conf.arg(
+            name="set",
+            metavar="KEY=VALUE",
+            help=f"A hyper-parameter, as Stable-Baselines3 names it, or one of {', '.join(OURS)}.",
+        ),
     ] = ()
-    """A hyper-parameter, as Stable-Baselines3 names it, or environments, net_arch, scale_reward,
-    action_noise, threads."""
+    options: Annotated[
+        tyro.conf.UseAppendAction[tuple[str, ...]],
+        tyro.conf.arg(name="env", metavar="KEY=VALUE"),
+    ] = ()
+    """An option of the environment, as its constructor names it."""
     horizon: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
     """End episodes after this many steps; default: the environment's own horizon."""
-    evaluate_every: Annotated[int, tyro.conf.arg(metavar="N")] = 10_000
+    evaluate_every: Annotated[int, tyro.conf.arg(metavar="N")] = Configuration.evaluation_interval
     """Steps between two evaluations."""
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("runs")
     """Where run directories are made."""
@@ -78,29 +105,47 @@ class Train:
     def _create(self) -> list[RunDirectory]:
         from dataclasses import replace
 
+        from hprs.training.run_directory import create_runs
+
+        first = self._configure()
+        seeds = [self.seed] if self.seeds is None else range(self.seeds)
+        return create_runs([replace(first, seed=seed) for seed in seeds], self.out)
+
+    def _configure(self) -> Configuration:
+        from typing import cast
+
         from hprs.training import sb3
         from hprs.training.algorithms import parse_settings
-        from hprs.training.run_directory import create_runs
 
         if self.environment is None:
             raise UsageError("name an environment, or a run with --resume; see hprs train --help")
-        if self.seeds is not None and (self.seeds < 1 or self.seed != 0):
+        if _is_run(Path(self.environment)):
+            raise UsageError(
+                f"'{self.environment}' is a run. Go on with it: "
+                f"hprs train --resume {self.environment}"
+            )
+        if self.seeds is not None and (self.seeds < 1 or self.seed != Configuration.seed):
             raise UsageError("--seeds takes a number from 1 on, and excludes --seed.")
         if self.seed < 0:
             raise UsageError(f"--seed must not be negative, got {self.seed}.")
-        first = sb3.configure(
+        return sb3.configure(
             self.environment,
             task_path=self.task,
             reward=self.reward,
             end=cast("End", self.end),
             algorithm=self.algorithm,
             settings=parse_settings(self.settings),
+            environment_options=parse_settings(self.options, "--env"),
             steps=self.steps,
             horizon=self.horizon,
             evaluation_interval=self.evaluate_every,
         )
-        seeds = [self.seed] if self.seeds is None else range(self.seeds)
-        return create_runs([replace(first, seed=seed) for seed in seeds], self.out)
+
+
+def _is_run(path: Path) -> bool:
+    from hprs.training.run_directory import RUN_FILE
+
+    return any(file.is_file() for file in (path / RUN_FILE, *path.glob(f"*/{RUN_FILE}")))
 
 
 def _train_all(runs: list[RunDirectory]) -> int:
@@ -110,8 +155,8 @@ def _train_all(runs: list[RunDirectory]) -> int:
 
     out = console()
     listener = TrainingProgress(out, seeds=len(runs))
+    whole = runs[0].path if len(runs) == 1 else runs[0].path.parent
     for run in runs:
-        whole = runs[0].path if len(runs) == 1 else run.path.parent
         try:
             complete = sb3.train(run, listener)
         except KeyboardInterrupt:
@@ -120,6 +165,5 @@ def _train_all(runs: list[RunDirectory]) -> int:
             out.print(f"Stopped. Go on with: hprs train --resume {whole}", soft_wrap=True)
             return 130
         out.print(f"Wrote {run.path}", soft_wrap=True)
-    name = runs[0].path if len(runs) == 1 else runs[0].path.parent
-    out.print(f"Assess it with: hprs evaluate {name}", soft_wrap=True)
+    out.print(f"Assess it with: hprs evaluate {whole}", soft_wrap=True)
     return 0

@@ -18,6 +18,9 @@ End: TypeAlias = Literal["paper", "invariant", "released"]
 ENDS: tuple[End, ...] = get_args(End)
 """How shaping treats the end of an episode; see `Hierarchical`."""
 
+DEFAULT_END: End = "paper"
+"""What is taken unless something else is asked for; the only place that says so."""
+
 
 @dataclass(frozen=True)
 class Hierarchical:
@@ -41,7 +44,7 @@ class Hierarchical:
     """
 
     task: Task
-    end: End = "paper"
+    end: End = DEFAULT_END
     discount: float | None = None
 
     def __post_init__(self) -> None:

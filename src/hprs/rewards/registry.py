@@ -8,7 +8,7 @@ from types import MappingProxyType
 from hprs.errors import UsageError, did_you_mean
 from hprs.rewards.base import Reward
 from hprs.rewards.environment import EnvironmentReward
-from hprs.rewards.hierarchical import End, Hierarchical, check_convention
+from hprs.rewards.hierarchical import DEFAULT_END, End, Hierarchical, check_convention
 from hprs.rewards.sparse import Sparse
 from hprs.spec.task import Task
 
@@ -25,7 +25,7 @@ REWARDS: Mapping[str, Factory] = MappingProxyType(
 
 
 def make_reward(
-    name: str, task: Task, *, end: End = "paper", discount: float | None = None
+    name: str, task: Task, *, end: End = DEFAULT_END, discount: float | None = None
 ) -> Reward:
     """A reward by name.
 

@@ -125,8 +125,12 @@ def find_algorithm(name: str | None, action_space: str) -> Algorithm:
     return algorithm
 
 
-def parse_settings(settings: Sequence[str]) -> dict[str, Any]:
+def parse_settings(settings: Sequence[str], option: str = "--set") -> dict[str, Any]:
     """The pairs of `--set KEY=VALUE`; a value is a JSON value, anything else is text.
+
+    Args:
+        settings: The pairs.
+        option: The name of the option, for the messages.
 
     Raises:
         UsageError: One is not a pair, or a key is given twice.
@@ -135,9 +139,9 @@ def parse_settings(settings: Sequence[str]) -> dict[str, Any]:
     for setting in settings:
         key, equals, text = (part.strip() for part in setting.partition("="))
         if not equals or not key:
-            raise UsageError(f"--set takes KEY=VALUE, got '{setting}'.")
+            raise UsageError(f"{option} takes KEY=VALUE, got '{setting}'.")
         if key in found:
-            raise UsageError(f"--set {key} is given twice.")
+            raise UsageError(f"{option} {key} is given twice.")
         try:
             found[key] = json.loads(text)
         except json.JSONDecodeError:

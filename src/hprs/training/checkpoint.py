@@ -1,18 +1,22 @@
-"""What a training must remember besides its networks, whatever the trainer."""
+"""What a training must remember to go on, whatever the trainer, with checksums."""
 
 from __future__ import annotations
 
+import hashlib
 import json
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from hprs.errors import RunError
+from hprs.training import files
 from hprs.training.evaluation import Episode
+from hprs.training.replay import Segment
 
-FILE = "progress.json"
+MANIFEST = "manifest.json"
 
 
 @dataclass(frozen=True)
@@ -23,34 +27,97 @@ class Progress:
     """Environment steps so far."""
     next_evaluation: int = 0
     """The step from which on the next evaluation is due."""
+    evaluated: int = -1
+    """The step of the newest evaluation."""
     best_pam: float = -1.0
     """Highest mean PAM of an evaluation so far."""
     best_step: int = -1
     """The step of that evaluation."""
 
-    def save(self, folder: Path) -> None:
-        """Write it into a checkpoint."""
-        (folder / FILE).write_text(json.dumps(asdict(self)) + "\n", encoding="utf-8")
-
-    @classmethod
-    def load(cls, folder: Path) -> Progress:
-        """Read it from a checkpoint.
-
-        Raises:
-            RunError: It cannot be read.
-        """
-        try:
-            return cls(**json.loads((folder / FILE).read_text(encoding="utf-8")))
-        except (OSError, ValueError, TypeError) as error:
-            raise RunError(f"{folder / FILE} cannot be read: {error}") from None
-
-    def evaluated(self, step: int, episodes: Sequence[Episode], interval: int) -> Progress:
+    def after(self, step: int, episodes: Sequence[Episode], interval: int) -> Progress:
         """The progress after an evaluation; of equally good policies the first stays the best."""
         pam = float(np.mean([episode.assessment.pam for episode in episodes]))
         better = pam > self.best_pam
         return Progress(
             step=step,
             next_evaluation=(step // interval + 1) * interval,
+            evaluated=step,
             best_pam=pam if better else self.best_pam,
             best_step=step if better else self.best_step,
         )
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A training's whole state."""
+
+    progress: Progress
+    """How far it has got."""
+    rows: str
+    """The rows of its newest evaluation: a kill may come before they reach the table."""
+    contents: Mapping[str, bytes] = field(repr=False)
+    """The trainer's files by name."""
+    segments: tuple[Segment, ...] = ()
+    """The segments of its replay buffer, which lie elsewhere."""
+
+    def save(self, folder: Path) -> None:
+        """Write it into an empty folder, through to the disk."""
+        manifest = {
+            "progress": asdict(self.progress),
+            "rows": self.rows,
+            "files": {name: _sum(content) for name, content in self.contents.items()},
+            "segments": [asdict(segment) for segment in self.segments],
+        }
+        for name, content in self.contents.items():
+            files.write(folder / name, content)
+        sealed = {"sha256": _sum(_canonical(manifest)), **manifest}
+        files.write(folder / MANIFEST, (json.dumps(sealed, indent=2) + "\n").encode())
+
+    @classmethod
+    def load(cls, folder: Path) -> Checkpoint:
+        """Read it from its folder.
+
+        Raises:
+            RunError: A file is missing, or is not what was written.
+        """
+        manifest = _load_manifest(folder / MANIFEST)
+        contents = {name: _read(folder / name) for name in manifest["files"]}
+        for name, content in contents.items():
+            if _sum(content) != manifest["files"][name]:
+                raise RunError(_damaged(folder / name))
+        return cls(
+            progress=Progress(**manifest["progress"]),
+            rows=manifest["rows"],
+            contents=contents,
+            segments=tuple(Segment(**segment) for segment in manifest["segments"]),
+        )
+
+
+def _load_manifest(file: Path) -> dict[str, Any]:
+    try:
+        manifest = json.loads(_read(file))
+        seal = manifest.pop("sha256")
+    except (ValueError, KeyError, AttributeError):
+        raise RunError(_damaged(file)) from None
+    if seal != _sum(_canonical(manifest)):
+        raise RunError(_damaged(file))
+    return manifest
+
+
+def _read(file: Path) -> bytes:
+    try:
+        return file.read_bytes()
+    except OSError as error:
+        raise RunError(f"{file} cannot be read: {error.strerror}.") from None
+
+
+def _damaged(file: Path) -> str:
+    return f"{file} is damaged."
+
+
+def _canonical(content: Mapping[str, Any]) -> bytes:
+    return json.dumps(content, sort_keys=True).encode()
+
+
+def _sum(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()

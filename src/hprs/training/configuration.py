@@ -5,12 +5,12 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
 from typing import Any
 
 from hprs.errors import RunError
-from hprs.rewards.hierarchical import End
+from hprs.rewards.hierarchical import DEFAULT_END, End
 from hprs.spec.json_format import task_to_json
 from hprs.spec.parser import parse_task
 from hprs.spec.task import Task
@@ -32,7 +32,7 @@ class Configuration:
     """Environment steps of the whole training."""
     reward: str = "hprs"
     """A key of `REWARDS`."""
-    end: End = "paper"
+    end: End = DEFAULT_END
     """End-of-episode convention of the shaping."""
     horizon: int | None = None
     """Steps after which an episode is truncated; None: the environment's own horizon."""
@@ -42,6 +42,8 @@ class Configuration:
     """Episodes of an evaluation."""
     seed: int = 0
     """Seed of the training."""
+    environment_options: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    """Keyword arguments of `gymnasium.make`, as JSON values."""
 
     @cached_property
     def task(self) -> Task:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +13,16 @@ import gymnasium as gym
 
 import hprs.envs
 from hprs.errors import MissingExtraError, UsageError, did_you_mean
-from hprs.rewards.hierarchical import End
+from hprs.rewards.hierarchical import DEFAULT_END, End
 from hprs.spec.parser import load_task, parse_task
 from hprs.spec.task import Task
 from hprs.training.configuration import Configuration
 from hprs.wrappers.single import TaskWrapper, wrap
 
 TASK_SUFFIX = ".hprs"
+
+_OUR_OPTIONS = {"max_episode_steps": "--horizon", "render_mode": "", "disable_env_checker": ""}
+"""Arguments of `gymnasium.make` that are not the environment's own, and what sets them here."""
 
 
 def make_bare(environment: str, *, horizon: int | None = None, **options: Any) -> gym.Env[Any, Any]:
@@ -45,12 +50,47 @@ def make_bare(environment: str, *, horizon: int | None = None, **options: Any) -
         ) from error
 
 
+def check_options(environment: str, options: Mapping[str, Any]) -> None:
+    """See that an environment takes these options.
+
+    Args:
+        environment: Gymnasium id, or `module:id`.
+        options: Name to value, as in `gymnasium.make`.
+
+    Raises:
+        UsageError: It does not know one, or refuses a value.
+    """
+    if not options:
+        return
+    made = make_bare(environment)
+    parameters = inspect.signature(type(made.unwrapped).__init__).parameters.values()
+    made.close()
+    known = [p.name for p in parameters if p.kind in (p.KEYWORD_ONLY, p.POSITIONAL_OR_KEYWORD)]
+    known = [name for name in known if name != "self" and name not in _OUR_OPTIONS]
+    anything = any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters)
+    for name in options:
+        if name in _OUR_OPTIONS or (name not in known and not anything):
+            instead = f" Use {_OUR_OPTIONS[name]}." if _OUR_OPTIONS.get(name) else ""
+            offer = f" It has {', '.join(known)}." if known else " It has none."
+            raise UsageError(
+                f"{environment} has no option '{name}'."
+                f"{instead or did_you_mean(name, known) or offer}"
+            )
+    try:
+        make_bare(environment, **options).close()
+    except (TypeError, ValueError, AssertionError) as error:
+        if isinstance(error, UsageError):
+            raise
+        given = ", ".join(f"{name}={value!r}" for name, value in options.items())
+        raise UsageError(f"{environment} refuses its options {given}: {error}") from error
+
+
 def make_environment(
     environment: str,
     task: Task,
-    reward: str = "hprs",
+    reward: str = Configuration.reward,
     *,
-    end: End = "paper",
+    end: End = DEFAULT_END,
     discount: float | None = None,
     horizon: int | None = None,
     **options: Any,
@@ -74,7 +114,7 @@ def make_configured(configuration: Configuration, **options: Any) -> TaskWrapper
         end=configuration.end,
         discount=configuration.discount,
         horizon=configuration.horizon,
-        **options,
+        **{**configuration.environment_options, **options},
     )
 
 

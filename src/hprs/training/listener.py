@@ -23,6 +23,10 @@ class Listener(Protocol):
         """The policy of a step was evaluated."""
         ...
 
+    def noticed(self, text: str) -> None:
+        """Something that whoever watches should know, in one line."""
+        ...
+
     def stopping(self) -> None:
         """The training was asked to stop and will, as soon as its state can be saved."""
         ...
@@ -42,6 +46,9 @@ class Silence:
         """Nothing."""
 
     def evaluated(self, step: int, summary: Summary) -> None:
+        """Nothing."""
+
+    def noticed(self, text: str) -> None:
         """Nothing."""
 
     def stopping(self) -> None:

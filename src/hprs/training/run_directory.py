@@ -5,25 +5,26 @@
     run.json          configuration with the task, versions, commit, machine
     evaluations.csv   one row an evaluation episode
     checkpoint/       what a training needs to go on
+    replay/           its replay buffer, in segments
     policy/last/      the newest evaluated policy
     policy/best/      the evaluated policy with the highest mean PAM
     events.*          TensorBoard
 ```
 
 Nothing is parsed out of a path. A folder is replaced as a whole: written under a temporary name,
-then renamed, so that whatever kills the process leaves the old one or the new one.
+then renamed, so that whatever kills the process leaves the old one or the new one. An evaluation is
+recorded with its checkpoint first, then in the table, then as policies; opening a run to train it
+does what a kill has left undone.
 """
 
 from __future__ import annotations
 
-import csv
-import io
+import hashlib
 import json
 import os
 import re
-import shutil
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -31,14 +32,19 @@ from typing import Any, Literal, TypeAlias, get_args
 
 from hprs.errors import RunError, did_you_mean
 from hprs.spec.json_format import task_to_json
-from hprs.spec.task import Task
+from hprs.training import evaluation_table, files
+from hprs.training.checkpoint import Checkpoint
 from hprs.training.configuration import Configuration
-from hprs.training.evaluation import Episode
-from hprs.training.provenance import provenance
+from hprs.training.environment import require
+from hprs.training.provenance import provenance, versions
 
-FORMAT = 1
-RUN_FILE, EVALUATIONS_FILE, CHECKPOINT = "run.json", "evaluations.csv", "checkpoint"
-FIXED_COLUMNS = ("step", "seed", "length", "return", "pam", "safe", "target")
+FORMAT = 2
+"""Format 1 had no `environment_options`, and checkpoints that only approximately went on."""
+
+RUN_FILE, EVALUATIONS_FILE, CHECKPOINT, REPLAY = (
+    "run.json", "evaluations.csv", "checkpoint", "replay"
+)  # fmt: skip
+POLICY_FILE, LOCK_FILE = "policy.json", ".lock"
 
 Which: TypeAlias = Literal["last", "best"]
 WHICH: tuple[Which, ...] = get_args(Which)
@@ -58,30 +64,122 @@ class RunDirectory:
         Raises:
             RunError: `run.json` cannot be read.
         """
+        content = self._content
+        try:
+            found = dict(content["configuration"])
+            if content["format"] == 1:
+                found["environment_options"] = {}
+            return Configuration.from_json(found)
+        except (RunError, KeyError, TypeError, ValueError) as error:
+            raise RunError(f"{self.path / RUN_FILE} cannot be used: {error}") from None
+
+    @cached_property
+    def _content(self) -> dict[str, Any]:
         file = self.path / RUN_FILE
         try:
             content = json.loads(file.read_text(encoding="utf-8"))
         except (OSError, ValueError) as error:
             raise RunError(f"{file} cannot be read: {error}") from None
-        if not isinstance(content, dict) or content.get("format") != FORMAT:
-            raise RunError(f"{file} is not of format {FORMAT}; it needs another version of hprs.")
-        try:
-            return Configuration.from_json(content["configuration"])
-        except (RunError, KeyError) as error:
-            raise RunError(f"{file} cannot be used: {error}") from None
+        found = content.get("format") if isinstance(content, dict) else None
+        if found not in range(1, FORMAT + 1):
+            writer = _writer(content)
+            raise RunError(
+                f"{file} is of format {found}, written by {writer}; this hprs "
+                f"{versions().get('hprs')} reads formats 1 to {FORMAT}. Use it with {writer}."
+            )
+        return content
 
     @property
     def events(self) -> Path:
         """The folder of TensorBoard's files."""
         return self.path
 
-    def append(self, step: int, episodes: Sequence[Episode]) -> None:
-        """Add an evaluation's rows, all or (killed meanwhile) a part that `truncate` removes."""
-        text = _rows(self.configuration.task, step, episodes)
-        with (self.path / EVALUATIONS_FILE).open("a", encoding="utf-8", newline="") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
+    @property
+    def replay(self) -> Path:
+        """The folder of the replay buffer's segments."""
+        return self.path / REPLAY
+
+    @contextmanager
+    def writing(self) -> Iterator[None]:
+        """Turn a full or read-only disk into one line; see `files.writing`."""
+        with files.writing(self.path):
+            yield
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keep other processes from training here; the lock vanishes with the process.
+
+        Raises:
+            RunError: Another process trains here, or the folder cannot be written.
+        """
+        filelock = require("filelock", "sb3")
+        file = self.path / LOCK_FILE
+        lock = filelock.FileLock(file, timeout=0)
+        with self.writing():
+            try:
+                lock.acquire()
+            except filelock.Timeout:
+                raise RunError(f"{self.path} is being trained by {_holder(file)}.") from None
+        try:
+            # Where a lock keeps others from writing its file, it keeps us too.
+            with suppress(OSError):
+                file.write_text(str(os.getpid()))
+            yield
+        finally:
+            lock.release()
+
+    def open(self) -> Checkpoint | None:
+        """The newest checkpoint, once the run's other files agree with it.
+
+        Raises:
+            RunError: The checkpoint is damaged or of another version.
+        """
+        checkpoint = self.checkpoint()
+        if checkpoint is None:
+            evaluation_table.repair(self.path / EVALUATIONS_FILE, -1, "")
+            return None
+        progress = checkpoint.progress
+        evaluation_table.repair(self.path / EVALUATIONS_FILE, progress.step, checkpoint.rows)
+        return checkpoint
+
+    def checkpoint(self) -> Checkpoint | None:
+        """The newest complete checkpoint, if there is one.
+
+        Raises:
+            RunError: It is damaged or of another version.
+        """
+        folder = files.complete(self.path / CHECKPOINT)
+        if folder is None:
+            return None
+        if self._content["format"] != FORMAT:
+            raise RunError(
+                f"{self.path} was written by {_writer(self._content)} in format "
+                f"{self._content['format']}, whose checkpoints this hprs cannot go on with. Its "
+                "policies can be evaluated; to train longer, train anew."
+            )
+        try:
+            return Checkpoint.load(folder)
+        except RunError as error:
+            raise self.cannot_go_on(error) from None
+
+    def cannot_go_on(self, error: RunError) -> RunError:
+        """The error of a damaged checkpoint, with what is left and what to do."""
+        return RunError(
+            f"{error} This training cannot go on; its evaluations and policies are untouched "
+            f"(hprs evaluate {self.path}). To train anew, choose another folder with --out."
+        )
+
+    def save(self, checkpoint: Checkpoint, *, evaluated: bool) -> None:
+        """Commit a checkpoint, and the rows of its evaluation if that is new.
+
+        Raises:
+            RunError: It cannot be written; the last checkpoint is still whole then.
+        """
+        with self.writing():
+            with files.replacing(self.path / CHECKPOINT) as folder:
+                checkpoint.save(folder)
+            if evaluated:
+                files.append(self.path / EVALUATIONS_FILE, checkpoint.rows.encode())
 
     def evaluations(self) -> list[dict[str, float]]:
         """All complete rows of `evaluations.csv`, as numbers.
@@ -89,46 +187,22 @@ class RunDirectory:
         Raises:
             RunError: The file cannot be read.
         """
-        file = self.path / EVALUATIONS_FILE
-        try:
-            text = file.read_text(encoding="utf-8")
-            whole = text[: text.rfind("\n") + 1]
-            return [
-                {name: float(value) for name, value in row.items()}
-                for row in csv.DictReader(io.StringIO(whole))
-            ]
-        except (OSError, ValueError, TypeError) as error:
-            raise RunError(f"{file} cannot be read: {error}") from None
+        return evaluation_table.read(self.path / EVALUATIONS_FILE)
 
-    def truncate(self, step: int) -> None:
-        """Keep only evaluations up to a step: later ones will be made again."""
-        file = self.path / EVALUATIONS_FILE
-        header, *rows = file.read_text(encoding="utf-8").splitlines(keepends=True)
-        kept = [row for row in rows if row.endswith("\n") and int(row.split(",", 1)[0]) <= step]
-        _write_file(file, header + "".join(kept))
+    def save_policy(self, which: Which, *, trainer: str, step: int, name: str, data: bytes) -> None:
+        """Keep a policy.
 
-    @contextmanager
-    def replacing(self, name: str) -> Iterator[Path]:
-        """A new empty folder that takes the place of `name` when the block ends without error."""
-        target = self.path / name
-        fresh, old = _beside(target, "new"), _beside(target, "old")
-        for left_over in (fresh, old):
-            shutil.rmtree(left_over, ignore_errors=True)
-        fresh.mkdir(parents=True)
-        yield fresh
-        _sync(fresh)
-        if target.exists():
-            target.rename(old)
-        fresh.rename(target)
-        shutil.rmtree(old, ignore_errors=True)
-
-    def checkpoint(self) -> Path | None:
-        """The folder of the newest complete checkpoint, if there is one."""
-        return _complete(self.path / CHECKPOINT)
-
-    def replacing_policy(self, which: Which) -> Any:
-        """`replacing` for one of the kept policies."""
-        return self.replacing(f"policy/{which}")
+        Args:
+            which: As which one.
+            trainer: Whose format its file has.
+            step: The step of the training at which it was evaluated.
+            name: The file's name.
+            data: The file's content.
+        """
+        content = {"trainer": trainer, "step": step, "file": name, "sha256": _sum(data)}
+        with self.writing(), files.replacing(self.path / "policy" / which) as folder:
+            files.write(folder / name, data)
+            files.write(folder / POLICY_FILE, (json.dumps(content) + "\n").encode())
 
     def policy(self, which: Which = "last") -> Path:
         """The folder of a kept policy.
@@ -136,10 +210,35 @@ class RunDirectory:
         Raises:
             RunError: The training has not got that far.
         """
-        found = _complete(self.path / "policy" / which)
+        found = files.complete(self.path / "policy" / which)
         if found is None:
             raise RunError(f"{self.path} has no {which} policy yet.")
         return found
+
+    def policy_step(self, which: Which) -> int:
+        """The step at which a kept policy was evaluated; -1 if there is none."""
+        found = files.complete(self.path / "policy" / which)
+        try:
+            return -1 if found is None else int(_policy_content(found)["step"])
+        except (RunError, KeyError, TypeError, ValueError):
+            return -1
+
+    def policy_file(self, which: Which) -> Path:
+        """The file of a kept policy, checked.
+
+        Raises:
+            RunError: There is none, or it is damaged.
+        """
+        folder = self.policy(which)
+        content = _policy_content(folder)
+        try:
+            file = folder / content["file"]
+            # Format 1 kept no checksums of policies.
+            if content.get("sha256", _sum(file.read_bytes())) != _sum(file.read_bytes()):
+                raise RunError(f"{file} is damaged: it is not what was written.")
+        except (OSError, KeyError, AttributeError) as error:
+            raise RunError(f"the {which} policy of {self.path} cannot be read: {error}") from None
+        return file
 
 
 def folder_of(configuration: Configuration, out: Path) -> Path:
@@ -153,11 +252,12 @@ def create_runs(configurations: Sequence[Configuration], out: Path) -> list[RunD
     """New run directories, one a seed; none if one of them exists.
 
     Raises:
-        RunError: One exists already; the message says how to resume it.
+        RunError: One exists already; the message says how to resume it. Or it cannot be written.
     """
     paths = [folder_of(c, out) / f"seed-{c.seed}" for c in configurations]
     for path in paths:
-        if path.exists():
+        # A process that died while it made a run leaves a folder without this file.
+        if (path / RUN_FILE).exists():
             shown = path if len(paths) == 1 else path.parent
             raise RunError(
                 f"{path} exists already. Go on with it: hprs train --resume {shown} "
@@ -186,11 +286,6 @@ def find_runs(path: Path) -> list[RunDirectory]:
     return sorted(runs, key=lambda run: run.configuration.seed)
 
 
-def columns(task: Task) -> list[str]:
-    """The header of a task's `evaluations.csv`."""
-    return [*FIXED_COLUMNS, *(f"{r.kind}.{r.label}" for r in task.requirements)]
-
-
 def _create(configuration: Configuration, path: Path) -> RunDirectory:
     content = {
         "format": FORMAT,
@@ -198,62 +293,40 @@ def _create(configuration: Configuration, path: Path) -> RunDirectory:
         "task": task_to_json(configuration.task),
         **provenance(),
     }
-    path.mkdir(parents=True)
-    _write_file(path / EVALUATIONS_FILE, ",".join(columns(configuration.task)) + "\n")
-    _write_file(path / RUN_FILE, json.dumps(content, indent=2) + "\n")
+    header = evaluation_table.header(configuration.task)
+    with files.writing(path):
+        path.mkdir(parents=True, exist_ok=True)
+        files.replace(path / EVALUATIONS_FILE, header.encode())
+        files.replace(path / RUN_FILE, (json.dumps(content, indent=2) + "\n").encode())
     return RunDirectory(path)
 
 
-def _rows(task: Task, step: int, episodes: Sequence[Episode]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    for episode in episodes:
-        found = episode.assessment
-        writer.writerow(
-            [
-                step,
-                episode.seed,
-                found.length,
-                repr(episode.total),
-                repr(float(found.pam)),
-                int(found.safe),
-                int(found.target),
-                *(_cell(found.requirements, label) for label in task.labels),
-            ]
-        )
-    return text.getvalue()
+def _writer(content: Any) -> str:
+    try:
+        return f"hprs {content['versions']['hprs']}"
+    except (KeyError, TypeError):
+        return "another version of hprs"
 
 
-def _cell(requirements: Mapping[str, Any], label: str) -> str:
-    value = requirements[label]
-    return str(int(value)) if isinstance(value, bool) else repr(float(value))
+def _holder(lock: Path) -> str:
+    try:
+        return f"another process ({int(lock.read_text())})"
+    except (OSError, ValueError):
+        return "another process"
 
 
-def _beside(path: Path, state: str) -> Path:
-    return path.with_name(f".{path.name}.{state}")
+def _policy_content(folder: Path) -> Any:
+    file = folder / POLICY_FILE
+    try:
+        return json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise RunError(f"{file} cannot be read: {error}") from None
 
 
-def _complete(path: Path) -> Path | None:
-    """A replaced folder; the old one if the process died between the two renames."""
-    return next((p for p in (path, _beside(path, "old")) if p.is_dir()), None)
+def _sum(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
 
 
 def _near(path: Path) -> list[str]:
     folder = path.parent
     return [other.name for other in folder.iterdir()] if folder.is_dir() else []
-
-
-def _write_file(path: Path, text: str) -> None:
-    fresh = path.with_name(f".{path.name}.new")
-    with fresh.open("w", encoding="utf-8", newline="") as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
-    fresh.replace(path)
-
-
-def _sync(folder: Path) -> None:
-    for path in folder.rglob("*"):
-        if path.is_file():
-            with path.open("rb") as file:
-                os.fsync(file.fileno())

@@ -1,0 +1,111 @@
+"""Builds the environments and the model of a training."""
+
+from __future__ import annotations
+
+import inspect
+from typing import TYPE_CHECKING, Any
+
+import gymnasium as gym
+import numpy as np
+
+from hprs.errors import UsageError
+from hprs.training import algorithms
+from hprs.training.configuration import Configuration
+from hprs.training.environment import make_configured
+from hprs.training.episode_log import EpisodeLog
+from hprs.training.sb3.settings import hyperparameters
+
+if TYPE_CHECKING:
+    from stable_baselines3.common.base_class import BaseAlgorithm
+    from stable_baselines3.common.vec_env import VecEnv
+
+_SLACK = 10_000
+"""Steps by which a training may pass its end: those of the rollout that reaches it."""
+
+
+def make_vector(configuration: Configuration) -> VecEnv:
+    """Environments with the task inside, so that shaping sees every episode's own end."""
+    from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize
+
+    count = configuration.parameters["environments"]
+    vector: VecEnv = DummyVecEnv([lambda: _make_single(configuration)] * count)
+    vector = VecMonitor(vector)
+    if not configuration.parameters["scale_reward"]:
+        return vector
+    return VecNormalize(vector, norm_obs=False, gamma=configuration.parameters["gamma"])
+
+
+def make_model(configuration: Configuration, environments: VecEnv) -> BaseAlgorithm:
+    """A model that has learned nothing yet.
+
+    Raises:
+        UsageError: Stable-Baselines3 refuses the hyper-parameters or the spaces.
+    """
+    kind = algorithm_class(configuration)
+    try:
+        return kind(
+            _policy_name(environments.observation_space),
+            environments,
+            seed=configuration.seed,
+            device="cpu",
+            **_arguments(kind, configuration, environments),
+        )
+    except (AssertionError, ValueError, TypeError) as error:
+        raise UsageError(f"Stable-Baselines3 refuses this training: {error}") from error
+
+
+def algorithm_class(configuration: Configuration) -> Any:
+    """The class of Stable-Baselines3 that trains."""
+    import stable_baselines3
+
+    return getattr(stable_baselines3, algorithms.ALGORITHMS[configuration.algorithm].class_name)
+
+
+def derive_seed(seed: int, step: int, index: int = 0) -> int:
+    """A seed that neighbouring seeds, later steps and other environments do not share."""
+    entropy = [seed, step, index] if index else [seed, step]
+    return int(np.random.SeedSequence(entropy).generate_state(1)[0] >> 2)
+
+
+class _Terse(gym.Wrapper[Any, Any, Any, Any]):
+    """Empties `info`, which Stable-Baselines3 copies deeply at every step and no learner reads."""
+
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        observation, reward, terminated, truncated, _ = self.env.step(action)
+        return observation, reward, terminated, truncated, {}
+
+
+def _make_single(configuration: Configuration) -> gym.Env[Any, Any]:
+    return EpisodeLog(_Terse(make_configured(configuration)))
+
+
+def _arguments(
+    kind: type[BaseAlgorithm], configuration: Configuration, environments: VecEnv
+) -> dict[str, Any]:
+    parameters = configuration.parameters
+    chosen = {name: algorithms.schedule(parameters[name]) for name in hyperparameters(kind)}
+    chosen["policy_kwargs"] = {
+        "net_arch": list(parameters["net_arch"]),
+        **(parameters["policy_kwargs"] or {}),
+    }
+    if isinstance(chosen.get("train_freq"), list):
+        chosen["train_freq"] = tuple(chosen["train_freq"])
+    if "buffer_size" in chosen:
+        # A longer buffer than the training would only take memory.
+        chosen["buffer_size"] = min(chosen["buffer_size"], configuration.steps + _SLACK)
+    names = inspect.signature(kind.__init__).parameters
+    if parameters["action_noise"] > 0.0 and "action_noise" in names:
+        from stable_baselines3.common.noise import NormalActionNoise
+
+        shape = environments.action_space.shape or ()
+        deviation = np.full(shape, parameters["action_noise"])
+        chosen["action_noise"] = NormalActionNoise(np.zeros(shape), deviation)
+    return chosen
+
+
+def _policy_name(space: gym.Space[Any]) -> str:
+    from stable_baselines3.common.preprocessing import is_image_space
+
+    if isinstance(space, gym.spaces.Dict):
+        return "MultiInputPolicy"
+    return "CnnPolicy" if is_image_space(space) else "MlpPolicy"

@@ -1,0 +1,109 @@
+"""Evaluates, records and saves a running training."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import BaseCallback
+
+from hprs.semantics.assessment import summarise
+from hprs.training.checkpoint import Checkpoint, Progress
+from hprs.training.environment import make_configured
+from hprs.training.evaluation import TRAINING_SEEDS, Episode, episode_seeds, evaluate
+from hprs.training.evaluation_table import format_rows
+from hprs.training.interruption import Interruption
+from hprs.training.listener import Listener
+from hprs.training.replay import prune, write_segments
+from hprs.training.run_directory import RunDirectory
+from hprs.training.sb3.policy import Learner, save_policies
+from hprs.training.sb3.state import Restoration, capture, replay_buffer, replay_rows
+
+
+class Stopped(Exception):  # noqa: N818
+    """Leaves Stable-Baselines3's loop between two rollouts."""
+
+
+class Recorder(BaseCallback):
+    """Acts between rollouts: only there the model's state is whole.
+
+    Args:
+        run: The run directory.
+        checkpoint: Where the training goes on from.
+        restoration: Of that checkpoint; its random states are brought back at the first rollout.
+        listener: Hears of the progress.
+        interruption: Asks the training to stop.
+    """
+
+    def __init__(
+        self,
+        run: RunDirectory,
+        checkpoint: Checkpoint | None,
+        restoration: Restoration | None,
+        listener: Listener,
+        interruption: Interruption,
+    ) -> None:
+        super().__init__()
+        self._run, self._listener, self._interruption = run, listener, interruption
+        self._restoration = restoration
+        saved = checkpoint or Checkpoint(Progress(), rows="", contents={})
+        self._progress, self._rows, self._segments = saved.progress, saved.rows, saved.segments
+
+    def _on_step(self) -> bool:
+        self._listener.advanced(self.num_timesteps)
+        return True
+
+    def _on_rollout_start(self) -> None:
+        if self._restoration is not None:
+            self._restoration.random(self.model)
+            self._restoration = None
+        if self.model.num_timesteps >= self._progress.next_evaluation:
+            self._record()
+        if self._interruption.requested:
+            if self.model.num_timesteps > self._progress.step:
+                self._progress = replace(self._progress, step=self.model.num_timesteps)
+                self._save(evaluated=False)
+            raise Stopped
+
+    def _on_training_end(self) -> None:
+        if self.model.num_timesteps > self._progress.step:
+            self._record()
+
+    def _record(self) -> None:
+        step, configuration = self.model.num_timesteps, self._run.configuration
+        seeds = episode_seeds(TRAINING_SEEDS, configuration.evaluation_episodes)
+        episodes = evaluate(lambda: make_configured(configuration), Learner(self.model), seeds)
+        interval = configuration.evaluation_interval
+        self._progress = self._progress.after(step, episodes, interval)
+        self._rows = format_rows(configuration.task, step, episodes)
+        save_policies(self._run, self._save(evaluated=True))
+        _log(self.model, step, episodes)
+        self._listener.evaluated(step, summarise([episode.assessment for episode in episodes]))
+
+    def _save(self, *, evaluated: bool) -> Checkpoint:
+        buffer, folder = replay_buffer(self.model), self._run.replay
+        contents = capture(self.model)
+        with self._run.writing():
+            if buffer is not None:
+                rows = replay_rows(self.model)
+                self._segments = write_segments(folder, buffer, rows, self._segments)
+            saved = Checkpoint(self._progress, self._rows, contents, self._segments)
+            self._run.save(saved, evaluated=evaluated)
+            if buffer is not None:
+                prune(folder, self._segments)
+        return saved
+
+
+def _log(model: BaseAlgorithm, step: int, episodes: Sequence[Episode]) -> None:
+    summary = summarise([episode.assessment for episode in episodes])
+    scalars = {
+        "assessment/PAM": summary.pam,
+        "assessment/S": summary.safe,
+        "assessment/S+T": summary.safe_target,
+        "assessment/S+T+C": summary.safe_target_comfort,
+        **{f"requirement/{label}": value for label, value in summary.requirements.items()},
+    }
+    for name, value in scalars.items():
+        model.logger.record(name, value)
+    model.logger.dump(step)

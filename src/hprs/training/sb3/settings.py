@@ -1,0 +1,120 @@
+"""Configures a training: everything that a user can say is checked here, once."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from hprs.errors import UsageError, did_you_mean
+from hprs.rewards.hierarchical import ENDS, End
+from hprs.training import algorithms
+from hprs.training.configuration import Configuration
+from hprs.training.environment import check_options, find_task, make_environment, require
+
+if TYPE_CHECKING:
+    from stable_baselines3.common.base_class import BaseAlgorithm
+
+_NOT_HYPERPARAMETERS = frozenset(
+    {
+        "self",
+        "policy",
+        "env",
+        "action_noise",
+        "replay_buffer_class",
+        "rollout_buffer_class",
+        # It would also need `handle_timeout_termination` off, which bootstraps at no horizon.
+        "optimize_memory_usage",
+        "tensorboard_log",
+        "verbose",
+        "seed",
+        "device",
+        "_init_setup_model",
+    }
+)
+
+
+def configure(
+    environment: str,
+    *,
+    task_path: str | None = None,
+    reward: str = Configuration.reward,
+    end: End = Configuration.end,
+    algorithm: str | None = None,
+    settings: Mapping[str, Any] | None = None,
+    environment_options: Mapping[str, Any] | None = None,
+    steps: int | None = None,
+    horizon: int | None = None,
+    evaluation_interval: int = Configuration.evaluation_interval,
+    evaluation_episodes: int = Configuration.evaluation_episodes,
+    seed: int = Configuration.seed,
+) -> Configuration:
+    """A checked configuration of a training.
+
+    Args:
+        environment: Gymnasium id, or `module:id`.
+        task_path: A task file; None: the benchmark's own task.
+        reward: A name of `REWARDS`.
+        end: End-of-episode convention of the shaping.
+        algorithm: A name of `ALGORITHMS`; None: what suits the action space.
+        settings: Hyper-parameters that differ from the defaults.
+        environment_options: Keyword arguments of `gymnasium.make`, as JSON values.
+        steps: Environment steps; None: what the environment's table says.
+        horizon: Truncate episodes after this many steps; None: as registered.
+        evaluation_interval: Environment steps between two evaluations.
+        evaluation_episodes: Episodes of an evaluation.
+        seed: Seed of the training.
+
+    Raises:
+        UsageError: A name is unknown or a value out of range.
+        SpecError: The task is wrong.
+        SignalError: The environment lacks a signal of the task.
+    """
+    stable_baselines3 = require("stable_baselines3", "sb3")
+    steps = algorithms.STEPS.get(environment, algorithms.DEFAULT_STEPS) if steps is None else steps
+    counts = {
+        "steps": steps,
+        "horizon": horizon,
+        "evaluation interval": evaluation_interval,
+        "evaluation episodes": evaluation_episodes,
+    }
+    for name, value in counts.items():
+        if value is not None and value < 1:
+            raise UsageError(f"the {name} must be at least 1, got {value}.")
+    if end not in ENDS:
+        raise UsageError(
+            f"unknown end '{end}'; choose one of {', '.join(ENDS)}.{did_you_mean(end, ENDS)}"
+        )
+    task, text = find_task(environment, task_path)
+    options = dict(environment_options or {})
+    check_options(environment, options)
+    # Any discount will do to see that the reward exists and the environment has every signal.
+    made = make_environment(
+        environment, task, reward, end=end, discount=0.5, horizon=horizon, **options
+    )
+    chosen = algorithms.find_algorithm(algorithm, type(made.action_space).__name__)
+    made.close()
+    own = hyperparameters(getattr(stable_baselines3, chosen.class_name))
+    return Configuration(
+        environment=environment,
+        environment_options=options,
+        task_text=text,
+        algorithm=chosen.name,
+        parameters=algorithms.resolve_parameters(chosen, environment, settings or {}, own),
+        steps=steps,
+        reward=reward,
+        end=end,
+        horizon=horizon,
+        evaluation_interval=evaluation_interval,
+        evaluation_episodes=evaluation_episodes,
+        seed=seed,
+    )
+
+
+def hyperparameters(kind: type[BaseAlgorithm]) -> dict[str, tuple[Any, Any]]:
+    """An algorithm's own arguments that a user may set: name to annotation and default."""
+    return {
+        name: (parameter.annotation, parameter.default)
+        for name, parameter in inspect.signature(kind.__init__).parameters.items()
+        if name not in _NOT_HYPERPARAMETERS
+    }
