@@ -12,7 +12,7 @@ import pytest
 from hprs import parse_task
 from hprs.errors import SignalError
 from hprs.semantics.evaluation import (
-    EvaluatedSignals,
+    carry,
     evaluate,
     evaluate_arrays,
     margins,
@@ -203,10 +203,10 @@ def test_strictness_decides_at_a_margin_of_zero(predicate: str, holds: bool, kin
     for state in ({"x": 0.0, "y": 0.0}, as_batch({"x": 0.0, "y": 0.0})):
         found = evaluate(task, state)
         assert np.all(np.asarray(found.satisfied[row]) == holds)
-        assert np.all(np.asarray(found.margins[row]) == 0.0)
+        assert np.all(np.asarray(task.margins(state)["r"]) == 0.0)
         # A continuous score has no strictness: it is 1 at a margin of 0.
         expected = 1.0 if kind != "ensure" else float(holds)
-        assert np.all(np.asarray(found.scores[row]) == expected)
+        assert np.all(np.asarray(scores(task, state)["r"]) == expected)
 
 
 def test_all_comparisons_strict() -> None:
@@ -271,8 +271,8 @@ def test_signals_that_no_requirement_reads_are_not_needed() -> None:
 
 
 def test_evaluated_signals_are_not_evaluated_again(driving: Task) -> None:
-    carried = EvaluatedSignals(HALFWAY)
-    carried.task, carried.evaluation = driving, evaluate(driving, CRASHED)
+    carried = dict(HALFWAY)
+    carry(carried, driving, evaluate(driving, CRASHED))
     assert potential(driving, carried) == 0.0
     other = parse_task("signal v in [0, 5]\nachieve r: v >= 2")
     assert potential(other, carried) == 0.5

@@ -232,6 +232,41 @@ def test_a_function_supplies_signals_over_single_values():
     assert info["margins"]["here"] == pytest.approx(-observation[0] - 0.25)
 
 
+@pytest.mark.parametrize(
+    ("returned", "message"),
+    [
+        (None, "must return a dictionary from signal to value, got None"),
+        ([1.0], r"must return a dictionary from signal to value, got \[1.0\]"),
+        (
+            {"x": 1.0, "speeed": 2.0},
+            "'speeed', which is no signal of the task. Did you mean 'speed'",
+        ),
+        ({"x": None, "speed": 1.0}, "signal 'x' must be one number, got None"),
+        ({"x": "fast", "speed": 1.0}, "signal 'x' must be one number, got 'fast'"),
+        ({"x": [1.0, 2.0], "speed": 1.0}, r"'x' must be one number, got an array of shape \(2,\)"),
+        ({"x": 1.0, "speed": 1.0, "wheels": 3.0}, "'wheels' must be 2 numbers, got one number"),
+        ({"x": np.nan, "speed": 1.0}, "signal 'x' is NaN at step 0"),
+    ],
+)
+def test_what_a_function_must_not_return_is_refused_when_wrapping(returned, message):
+    x, speed, wheels = Signal("x", -3, 3), Signal("speed", 0, 9), Signal("wheels", 0, 9, length=2)
+    here = Requirement("conquer", "here", x + speed + call("max", wheels) <= 0)
+    ordinary = {"wheels": [1.0, 2.0]}
+    with pytest.raises(SignalError, match=message):
+        wrap(
+            Slider(),
+            Task((x, speed, wheels), (here,)),
+            signals=lambda *_: ordinary | returned if isinstance(returned, dict) else returned,
+        )
+
+
+def test_a_function_may_supply_signals_that_nothing_uses():
+    x, spare = Signal("x", -3.0, 3.0), Signal("spare", -3.0, 3.0)
+    task = Task((x, spare), (Requirement("conquer", "here", x <= 0),))
+    _, info = wrap(Slider(), task, signals=lambda *_: {"x": 1, "spare": 2}).reset(seed=0)
+    assert info["margins"] == {"here": -1.0}
+
+
 def test_nan_names_signal_and_step():
     class Broken(Slider):
         def _observe(self):

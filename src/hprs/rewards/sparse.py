@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from hprs.semantics.evaluation import Evaluation, Signals, evaluate
 from hprs.semantics.plan import plan_of
-from hprs.spec.namespace import Array, as_number
+from hprs.spec.namespace import Array
 from hprs.spec.task import Task
 
 
@@ -32,4 +32,5 @@ def base_reward(target_row: int | None, evaluation: Evaluation) -> Array:
     """R(s, a, s') from the evaluation of s'; the row of the target is None where there is none."""
     if target_row is None:
         return evaluation.potential * 0.0
-    return as_number(evaluation.satisfied[target_row])
+    met = evaluation.satisfied[target_row]
+    return 1.0 if met is True else 0.0 if met is False else met * 1.0

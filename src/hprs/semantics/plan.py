@@ -23,8 +23,9 @@ T = TypeVar("T")
 class Evaluation(NamedTuple):
     """What a task says of a state, or of a batch of states.
 
-    The first three have one row a requirement on their first axis, in the order of `Plan.rows`; for
-    a single state of floats they are lists.
+    The first three have one row a requirement on their first axis, in the order of `Plan.rows`. For
+    a single state of floats margins and scores are dictionaries by label in the same order, which
+    is how they are reported, and `satisfied` is a list.
     """
 
     margins: Any
@@ -103,11 +104,11 @@ class Plan:
         following = iter(leaves)
         return [_fold(row.predicate, following, conjunction, disjunction) for row in self.rows]
 
-    def by_label(self, rows: Sequence[T]) -> dict[str, T]:
+    def by_label(self, rows: Sequence[T] | dict[str, T]) -> dict[str, T]:
         """Rows as a mapping from label to value, in the order of the text."""
+        found = rows if isinstance(rows, dict) else dict(zip(self.labels, rows, strict=True))
         if self.labels == self.task.labels:
-            return dict(zip(self.labels, rows, strict=True))
-        found = dict(zip(self.labels, rows, strict=True))
+            return found
         return {label: found[label] for label in self.task.labels}
 
 

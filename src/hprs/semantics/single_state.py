@@ -2,7 +2,7 @@
 
 An environment's own step takes some tens of microseconds and evicts everything else from the
 processor's caches. What counts is therefore the amount of code a step runs through, not only its
-instructions: one loop, over closures that the compiler made.
+instructions: closures that the compiler made, in loops without special cases.
 """
 
 from __future__ import annotations
@@ -19,87 +19,125 @@ Values: TypeAlias = Any
 Triple: TypeAlias = tuple[float, bool, float]
 """Margin, satisfaction and score of a row or of a part of it."""
 RowFunction: TypeAlias = Callable[[Values], Triple]
+Evaluator: TypeAlias = Callable[[Mapping[str, Any]], Evaluation]
 
 # Twice as fast as the named constructor.
 _new_evaluation: Callable[..., Evaluation] = cast(Any, tuple).__new__
 
-_STEP = -5e-324
-"""The lower bound that makes the continuous score binary: the negative number closest to 0."""
 
-
-def float_evaluator(plan: Plan) -> Callable[[Mapping[str, Any]], Evaluation]:
+def float_evaluator(plan: Plan) -> Evaluator:
     """A function that evaluates one state from its signals.
 
     Scalars are floats, vectors NumPy arrays.
     """
     margins = compile_margins(plan.task, plan.leaves, None)
-    definitions = margins.definitions
-    rows = _rows(plan, margins.functions)
-    # In a chain of groups one running product is the weight of the next group.
-    is_chain = _is_chain(plan)
-    levels = [[rows[row] for row in group.members] for group in plan.groups] if is_chain else [rows]
+    make = _class_by_class if _is_plain(plan) else _row_by_row
+    evaluate = make(plan, margins.functions)
+    if not margins.definitions:
+        return evaluate
 
-    def evaluate(signals: Mapping[str, Any]) -> Evaluation:
-        values: Any = signals
-        if definitions:
-            values = dict(signals)
-            for name, function in definitions:
-                values[name] = function(values)
-        found: list[float] = []
+    def define_and_evaluate(signals: Mapping[str, Any]) -> Evaluation:
+        values = dict(signals)
+        for name, function in margins.definitions:
+            values[name] = function(values)
+        return evaluate(values)
+
+    return define_and_evaluate
+
+
+def _is_plain(plan: Plan) -> bool:
+    """Whether every row is one comparison, none strict, and only the classes order them."""
+    return not (
+        plan.compound
+        or plan.any_strict
+        or plan.task.preferences
+        or -math.inf in plan.soft_lows  # such a row always holds
+    )
+
+
+def _class_by_class(plan: Plan, functions: tuple[Any, ...]) -> Evaluator:
+    rows = list(zip(plan.labels, functions, strict=True))
+    safety, soft = rows[: plan.safety_count], rows[plan.safety_count :]
+    with_lows = [(*row, low) for row, low in zip(soft, plan.soft_lows, strict=True)]
+    targets = with_lows[: plan.comfort_start - plan.safety_count]
+    comfort = with_lows[len(targets) :]
+
+    def evaluate(values: Values) -> Evaluation:
+        margins: dict[str, float] = {}
         satisfied: list[bool] = []
-        scores: list[float] = []
+        scores: dict[str, float] = {}
         potential, weight = 0.0, 1.0
-        for level in levels:
-            total, product = 0.0, 1.0
-            for function, low, special in level:
-                if special is not None:
-                    margin, holds, score = special(values)
-                else:
-                    margin = function(values)
-                    holds = margin >= 0.0
-                    # max() keeps NaN, which must not turn into a score.
-                    score = 1.0 if holds else max(1.0 - margin / low, 0.0)
-                found.append(margin)
-                satisfied.append(holds)
-                scores.append(score)
+        for label, function in safety:
+            margins[label] = margin = function(values)
+            if margin >= 0.0:
+                satisfied.append(True)
+                scores[label] = 1.0
+                potential += 1.0
+            else:
+                satisfied.append(False)
+                # NaN must not turn into a score.
+                scores[label] = score = 0.0 if margin < 0.0 else margin
+                weight *= score
+                potential += score
+        for label, function, low in targets:
+            margins[label] = margin = function(values)
+            if margin >= 0.0:
+                satisfied.append(True)
+                scores[label] = 1.0
+                potential += weight
+            else:
+                satisfied.append(False)
+                # max() keeps NaN where it comes first.
+                scores[label] = score = max(1.0 - margin / low, 0.0)
+                weight *= score
+                potential += weight
+        total = 0.0
+        for label, function, low in comfort:
+            margins[label] = margin = function(values)
+            if margin >= 0.0:
+                satisfied.append(True)
+                scores[label] = 1.0
+                total += 1.0
+            else:
+                satisfied.append(False)
+                scores[label] = score = max(1.0 - margin / low, 0.0)
                 total += score
-                product *= score
-            potential += weight * total
-            weight *= product
-        if not is_chain:
-            potential = _general(plan, scores)
-        return _new_evaluation(Evaluation, (found, satisfied, scores, potential))
+        potential += weight * total
+        return _new_evaluation(Evaluation, (margins, satisfied, scores, potential))
 
     return evaluate
 
 
-def _rows(plan: Plan, functions: tuple[Any, ...]) -> list[tuple[Any, float, RowFunction | None]]:
-    """For each row its margin function and lower bound, or a function that says all of it.
-
-    The second is for strict comparisons, and for `and` / `or`.
-    """
-    lows = [_STEP] * plan.safety_leaves + list(plan.soft_lows)
+def _row_by_row(plan: Plan, functions: tuple[Any, ...]) -> Evaluator:
+    lows = [-math.inf] * plan.safety_leaves + list(plan.soft_lows)
     leaves = [
         _leaf(function, strict, low)
         for function, strict, low in zip(functions, plan.strict, lows, strict=True)
     ]
-    combined = plan.combine(leaves, _lift("min", all), _lift("max", any))
-    singles = plan.combine(list(range(len(leaves))), lambda a, b: -1, lambda a, b: -1)
-    rows: list[tuple[Any, float, RowFunction | None]] = []
-    for row, (leaf, whole) in enumerate(zip(singles, combined, strict=True)):
-        if leaf < 0 or plan.strict[leaf]:
-            special = _binary(whole) if row < plan.safety_count else whole
-            rows.append((None, math.nan, special))
-        else:
-            rows.append((functions[leaf], lows[leaf], None))
-    return rows
+    rows = plan.combine(leaves, _lift("min", all), _lift("max", any))
+    rows[: plan.safety_count] = [_binary(row) for row in rows[: plan.safety_count]]
+
+    def evaluate(values: Values) -> Evaluation:
+        margins, satisfied, scores = zip(*[row(values) for row in rows], strict=True)
+        potential = sum(
+            math.prod(scores[row] for row in group.above)
+            * sum(scores[row] for row in group.members)
+            for group in plan.groups
+        )
+        by_label = dict(zip(plan.labels, margins, strict=True))
+        scores_by_label = dict(zip(plan.labels, scores, strict=True))
+        return Evaluation(by_label, list(satisfied), scores_by_label, potential)
+
+    return evaluate
 
 
 def _leaf(function: Any, strict: bool, low: float) -> RowFunction:
     def leaf(values: Values) -> Triple:
         margin = function(values)
         holds = margin > 0.0 if strict else margin >= 0.0
-        return margin, holds, 1.0 if margin >= 0.0 else max(1.0 - margin / low, 0.0)
+        if margin >= 0.0 or (low == -math.inf and margin < 0.0):
+            return margin, holds, 1.0
+        return margin, holds, max(1.0 - margin / low, 0.0)
 
     return leaf
 
@@ -125,20 +163,3 @@ def _lift(
         return both_parts
 
     return combine
-
-
-def _is_chain(plan: Plan) -> bool:
-    members = [row for group in plan.groups for row in group.members]
-    above: list[int] = []
-    for group in plan.groups:
-        if list(group.above) != above:
-            return False
-        above.extend(group.members)
-    return members == list(range(len(plan.rows)))
-
-
-def _general(plan: Plan, scores: list[float]) -> float:
-    return sum(
-        math.prod(scores[row] for row in group.above) * sum(scores[row] for row in group.members)
-        for group in plan.groups
-    )

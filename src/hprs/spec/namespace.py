@@ -52,11 +52,6 @@ def select(condition: Array, if_true: Array, if_false: Array) -> Array:
     return namespace_of((condition, if_true, if_false)).where(condition, if_true, if_false)
 
 
-def as_number(condition: Array) -> Array:
-    """A truth value as 1.0 or 0.0."""
-    return 1.0 if condition is True else 0.0 if condition is False else condition * 1.0
-
-
 @lru_cache
 def array_operations(xp: ModuleType) -> Operations:
     """The language's operations on arrays of one namespace."""

@@ -61,9 +61,7 @@ class Episode:
         return assessment.conclude(self._plan, self._fold(), outside=outside)
 
     def _fold(self) -> Any:
-        tally = self._tally
-        for satisfied in self._pending:
-            tally = assessment.advance(self._plan, tally, satisfied)
-        self._pending.clear()
-        self._tally = tally
-        return tally
+        if self._pending:
+            self._tally = assessment.advance_many(self._plan, self._tally, self._pending)
+            self._pending = []
+        return self._tally

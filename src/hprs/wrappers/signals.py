@@ -15,7 +15,6 @@ import numpy as np
 from gymnasium import spaces
 
 from hprs.errors import SignalError, did_you_mean
-from hprs.semantics.evaluation import EvaluatedSignals
 from hprs.semantics.plan import plan_of
 from hprs.spec.inference import evaluate_constant
 from hprs.spec.task import Signal, Source, Task
@@ -35,26 +34,20 @@ class Reader:
         reads: Signal name to its reader.
         initially: Signal name to its value where the source is missing at reset.
         vectors: Names of the signals that have components.
+        declared: Names of all signals of the task, those that nothing uses included.
         function: The user's function, if there is one; its signals come first.
     """
 
     reads: Mapping[str, Read]
     initially: Mapping[str, Any]
     vectors: frozenset[str]
+    declared: tuple[str, ...]
     function: SignalFunction | None = None
 
     last_action: bool = False
     """Whether a source is the last action."""
     quick: Callable[[list[float]], tuple[float, ...]] | None = None
     """Where all signals are components of one flat observation: picks them out of its list."""
-
-    def read_floats(
-        self, observation: Any, action: Any, last_action: Any, info: Mapping[str, Any]
-    ) -> EvaluatedSignals:
-        """The signals of one state; scalars are floats where that costs nothing."""
-        if self.quick is not None:
-            return EvaluatedSignals(zip(self.reads, self.quick(observation.tolist()), strict=True))
-        return EvaluatedSignals(self(observation, action, last_action, info))
 
     def __call__(
         self, observation: Any, action: Any, last_action: Any, info: Mapping[str, Any]
@@ -82,6 +75,7 @@ class Reader:
         given: Mapping[str, Any] = {}
         if self.function is not None:
             given = self.function(observation, action, action, info)
+            self._check_given(given)
         for name, read in self.reads.items():
             try:
                 values[name] = (
@@ -92,6 +86,19 @@ class Reader:
                     raise _missing(name, read, info, at_reset=True) from error
                 values[name] = self.initially[name]
         return values
+
+    def _check_given(self, given: Any) -> None:
+        if not isinstance(given, Mapping):
+            raise SignalError(
+                "the function given as `signals` must return a dictionary from signal to value, "
+                f"got {given!r:.80}."
+            )
+        unknown = [str(name) for name in given if name not in self.declared]
+        if unknown:
+            raise SignalError(
+                f"the function given as `signals` returns '{unknown[0]}', which is no signal of "
+                f"the task.{did_you_mean(unknown[0], self.declared)}"
+            )
 
     @property
     def reads_last_action(self) -> bool:
@@ -128,6 +135,7 @@ def make_reader(
             if signal.initially is not None
         },
         vectors=frozenset(signal.name for signal in signals if signal.length is not None),
+        declared=tuple(signal.name for signal in task.signals),
         function=function,
         last_action=any(s.source is not None and s.source.root == "last_action" for s in signals),
         quick=_quick(signals, observation_space) if function is None else None,

@@ -12,14 +12,15 @@ from gymnasium import wrappers as gym_wrappers
 
 from hprs.errors import SignalError
 from hprs.rewards.base import Reward
-from hprs.rewards.hierarchical import End
+from hprs.rewards.hierarchical import DEFAULT_END, End
 from hprs.rewards.registry import make_reward
-from hprs.semantics.evaluation import EvaluatedSignals
-from hprs.semantics.plan import Evaluation, plan_of
+from hprs.semantics.evaluation import carry
+from hprs.semantics.plan import plan_of
 from hprs.semantics.single_state import float_evaluator
 from hprs.spec.task import ENV_REWARD, Task
 from hprs.wrappers.episode import Episode
 from hprs.wrappers.signals import SignalFunction, make_reader, zero_action
+from hprs.wrappers.state import StateReader
 
 CHANGES_OBSERVATIONS = (
     gym_wrappers.NormalizeObservation,
@@ -34,7 +35,7 @@ def wrap(
     task: Task,
     reward: str | Reward = "hprs",
     *,
-    end: End = "paper",
+    end: End = DEFAULT_END,
     discount: float | None = None,
     signals: SignalFunction | None = None,
     end_on_violation: bool = True,
@@ -95,20 +96,19 @@ class TaskWrapper(gym.Wrapper[Any, Any, Any, Any]):
         self.task = task
         self.reward = reward
         warn_of_changed_observations(env)
-        self._plan = plan_of(task)
-        self._reader = make_reader(task, env.observation_space, env.action_space, signals)
-        self._ranges = [(name, *_ends(task, name)) for name in self._plan.signals]
-        self._labels = self._plan.labels
-        self._evaluate = float_evaluator(self._plan)
-        self._reads_last_action = self._reader.reads_last_action
+        plan = plan_of(task)
+        self._safety_count = plan.safety_count
+        reader = make_reader(task, env.observation_space, env.action_space, signals)
+        self._signals = StateReader(task, reader)
+        self._evaluate = float_evaluator(plan)
+        self._reads_last_action = reader.reads_last_action
         self._zero_action = zero_action(env.action_space)
         self._episode = Episode(
-            self._plan, end_on_violation=end_on_violation, end_on_target=end_on_target
+            plan, end_on_violation=end_on_violation, end_on_target=end_on_target
         )
         self._memory: Any = None
         self._last_action: Any = self._zero_action
-        self._outside: dict[str, int] = {}
-        if self._reader.needs_probe:
+        if reader.needs_probe:
             self._probe()
 
     def reset(
@@ -116,18 +116,17 @@ class TaskWrapper(gym.Wrapper[Any, Any, Any, Any]):
     ) -> tuple[Any, dict[str, Any]]:
         """Reset the environment, and start a new assessment."""
         observation, info = self.env.reset(seed=seed, options=options)
-        self._outside = {}
         self._last_action = deepcopy(self._zero_action)
-        values = EvaluatedSignals(self._reader.at_reset(observation, self._zero_action, info))
-        self._to_floats(values, 0)
+        values = self._signals.at_reset(observation, self._zero_action, info)
         evaluation = self._evaluate(values)
         if evaluation.potential != evaluation.potential:
-            raise nan_margin(self._plan.by_label(evaluation.margins), 0)
+            raise nan_margin(evaluation.margins, 0)
         self._episode.start(evaluation.satisfied)
-        values.task, values.evaluation = self.task, evaluation
+        carry(values, self.task, evaluation)
         self._memory = self.reward.init(values)
         info = dict(info)
-        self._describe(info, evaluation)
+        info["margins"], satisfied, info["scores"], info["potential"] = evaluation
+        info["cost"] = float(satisfied[: self._safety_count].count(False))
         return observation, info
 
     def step(self, action: Any) -> tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]:
@@ -135,54 +134,28 @@ class TaskWrapper(gym.Wrapper[Any, Any, Any, Any]):
         observation, env_reward, terminated, truncated, info = self.env.step(action)
         env_reward = float(env_reward)
         terminated, truncated = bool(terminated), bool(truncated)
-        plan, episode = self._plan, self._episode
+        episode = self._episode
         step = episode.steps + 1
         if step == 0:
             raise SignalError("step() was called before reset().")
-        values = self._reader.read_floats(observation, action, self._last_action, info)
-        self._to_floats(values, step)
-        evaluation = self._evaluate(values)
-        if evaluation.potential != evaluation.potential:
-            raise nan_margin(plan.by_label(evaluation.margins), step)
-        if episode.add(evaluation.satisfied):
+        values = self._signals.after_step(observation, action, self._last_action, info, step)
+        evaluation = margins, satisfied, scores, potential = self._evaluate(values)
+        if potential != potential:
+            raise nan_margin(margins, step)
+        if episode.add(satisfied):
             terminated = True
         if self._reads_last_action:
             self._last_action = np.array(action)
         values[ENV_REWARD] = env_reward
-        values.task, values.evaluation = self.task, evaluation
+        carry(values, self.task, evaluation)
         self._memory, reward = self.reward.step(self._memory, values, terminated, truncated)
         info = dict(info)
-        self._describe(info, evaluation)
+        info["margins"], info["scores"], info["potential"] = margins, scores, potential
+        info["cost"] = float(satisfied[: self._safety_count].count(False))
         info["env_reward"] = env_reward
         if terminated or truncated:
-            info["assessment"] = episode.conclude(self._outside)
+            info["assessment"] = episode.conclude(self._signals.outside)
         return observation, reward, terminated, truncated, info
-
-    def _describe(self, info: dict[str, Any], evaluation: Evaluation) -> None:
-        margins, satisfied, scores, info["potential"] = evaluation
-        # Rows and labels have one length by construction; `strict` costs time every step.
-        info["margins"] = dict(zip(self._labels, margins))  # noqa: B905
-        info["scores"] = dict(zip(self._labels, scores))  # noqa: B905
-        info["cost"] = float(satisfied[: self._plan.safety_count].count(False))
-
-    def _to_floats(self, values: dict[str, Any], step: int) -> None:
-        """Make signals floats (vectors: copies), count those outside their ranges, refuse NaN."""
-        for name, low, high in self._ranges:
-            value = values[name]
-            if type(value) is float:
-                if low <= value <= high:
-                    continue
-            elif name in self._reader.vectors:
-                values[name] = value = np.array(value, dtype=float)
-                if ((value >= low) & (value <= high)).all():
-                    continue
-            else:
-                values[name] = value = float(value)
-                if low <= value <= high:
-                    continue
-            if np.isnan(value).any():
-                raise SignalError(f"signal '{name}' is NaN at step {step}.")
-            self._outside[name] = self._outside.get(name, 0) + 1
 
     def _probe(self) -> None:
         """Reset once, without disturbing the environment's generator."""
@@ -190,7 +163,7 @@ class TaskWrapper(gym.Wrapper[Any, Any, Any, Any]):
         generator = deepcopy(bare.__dict__.get("_np_random"))
         try:
             observation, info = self.env.reset()
-            self._reader.at_reset(observation, self._zero_action, info)
+            self._signals.at_reset(observation, self._zero_action, info)
         finally:
             bare.__dict__["_np_random"] = generator
 
@@ -214,8 +187,3 @@ def warn_of_changed_observations(env: Any, kinds: tuple[type, ...] = CHANGES_OBS
                 stacklevel=4,
             )
         env = env.env
-
-
-def _ends(task: Task, name: str) -> tuple[float, float]:
-    bounds = task.ranges[name]
-    return bounds.low, bounds.high

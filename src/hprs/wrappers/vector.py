@@ -15,10 +15,10 @@ from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 
 from hprs.errors import SignalError
 from hprs.rewards.base import Reward
-from hprs.rewards.hierarchical import End
+from hprs.rewards.hierarchical import DEFAULT_END, End
 from hprs.rewards.registry import make_reward
 from hprs.semantics import assessment
-from hprs.semantics.evaluation import EvaluatedSignals, Evaluation, evaluate_arrays
+from hprs.semantics.evaluation import Evaluation, carry, evaluate_arrays
 from hprs.semantics.plan import plan_of
 from hprs.spec.task import ENV_REWARD, Task
 from hprs.wrappers.merging import (
@@ -40,7 +40,7 @@ def wrap_vector(
     task: Task,
     reward: str | Reward = "hprs",
     *,
-    end: End = "paper",
+    end: End = DEFAULT_END,
     discount: float | None = None,
     signals: SignalFunction | None = None,
     end_on_violation: bool = True,
@@ -257,7 +257,7 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
 
     def _signals(
         self, observation: Any, actions: Any, infos: dict[str, Any], resetting: Mask
-    ) -> EvaluatedSignals:
+    ) -> dict[str, Any]:
         return self._read(observation, actions, self._last_action, infos, {}, ~resetting)
 
     def _read(
@@ -268,9 +268,9 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
         infos: dict[str, Any],
         missing: Mapping[str, Any],
         mask: Mask,
-    ) -> EvaluatedSignals:
+    ) -> dict[str, Any]:
         """Signals of all rows; those outside the mask may hold anything."""
-        values = EvaluatedSignals()
+        values: dict[str, Any] = {}
         given: Mapping[str, Any] = {}
         if self._reader.function is not None:
             given = self._reader.function(observation, actions, last_actions, infos)
@@ -300,7 +300,7 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
         return self._everyone if keys is None else info_mask(infos, keys, self.num_envs)
 
     def _evaluate(
-        self, values: EvaluatedSignals, mask: Mask, *, at_reset: bool = False
+        self, values: dict[str, Any], mask: Mask, *, at_reset: bool = False
     ) -> Evaluation:
         outside = self._find_outside(values, mask)
         evaluation = evaluate_arrays(self._plan, values, np)
@@ -313,10 +313,10 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
             row = int(np.flatnonzero(invalid & mask)[0])
             margins = self._plan.by_label([margin[row] for margin in evaluation.margins])
             raise nan_margin(margins, f"{self._step_of(row)} of sub-environment {row}")
-        values.task, values.evaluation = self.task, evaluation
+        carry(values, self.task, evaluation)
         return evaluation
 
-    def _find_outside(self, values: EvaluatedSignals, mask: Mask) -> Any:
+    def _find_outside(self, values: dict[str, Any], mask: Mask) -> Any:
         """Row a signal: where it left its range; None if nowhere."""
         inside = np.ones((len(self._plan.signals), self.num_envs), bool)
         if self._scalars:
