@@ -78,6 +78,7 @@ class TrainingProgress:
     def noticed(self, text: str) -> None:
         """Say it."""
         self._console.print(text, soft_wrap=True)
+        self._console.file.flush()
 
     def stopping(self) -> None:
         """Ask for patience."""

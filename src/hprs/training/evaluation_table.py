@@ -75,7 +75,8 @@ def repair(file: Path, step: int, newest: str) -> None:
         newest: The rows of its newest evaluation.
 
     Raises:
-        RunError: The file cannot be read or written.
+        RunError: The file cannot be read.
+        OSError: It cannot be written.
     """
     try:
         whole, half = _split(file)
@@ -87,8 +88,7 @@ def repair(file: Path, step: int, newest: str) -> None:
     kept = [row for row, at in zip(rows, numbers, strict=True) if at <= step and at != evaluated]
     wanted = first + "".join(kept) + newest
     if half or wanted != whole:
-        with files.writing(file):
-            files.replace(file, wanted.encode())
+        files.replace(file, wanted.encode())
 
 
 def _split(file: Path) -> tuple[str, str]:

@@ -12,8 +12,12 @@ from hprs.errors import RunError
 
 
 @contextmanager
-def writing(place: Path) -> Iterator[None]:
+def writing(place: Path, advice: str = "") -> Iterator[None]:
     """Turn the operating system's refusals into one line.
+
+    Args:
+        place: What is written, where the system does not say.
+        advice: What to do then.
 
     Raises:
         RunError: The disk is full, the folder is read-only, or alike.
@@ -22,9 +26,7 @@ def writing(place: Path) -> Iterator[None]:
         yield
     except OSError as error:
         file = error.filename or place
-        raise RunError(
-            f"cannot write {file}: {error.strerror or error}. What was recorded before is safe."
-        ) from error
+        raise RunError(f"cannot write {file}: {error.strerror or error}.{advice}") from error
 
 
 def write(path: Path, content: bytes) -> None:

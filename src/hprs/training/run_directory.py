@@ -102,7 +102,8 @@ class RunDirectory:
     @contextmanager
     def writing(self) -> Iterator[None]:
         """Turn a full or read-only disk into one line; see `files.writing`."""
-        with files.writing(self.path):
+        advice = f" What is recorded is safe; go on with: hprs train --resume {self.path}"
+        with files.writing(self.path, advice):
             yield
 
     @contextmanager
@@ -135,11 +136,9 @@ class RunDirectory:
             RunError: The checkpoint is damaged or of another version.
         """
         checkpoint = self.checkpoint()
-        if checkpoint is None:
-            evaluation_table.repair(self.path / EVALUATIONS_FILE, -1, "")
-            return None
-        progress = checkpoint.progress
-        evaluation_table.repair(self.path / EVALUATIONS_FILE, progress.step, checkpoint.rows)
+        step, rows = (-1, "") if checkpoint is None else (checkpoint.progress.step, checkpoint.rows)
+        with self.writing():
+            evaluation_table.repair(self.path / EVALUATIONS_FILE, step, rows)
         return checkpoint
 
     def checkpoint(self) -> Checkpoint | None:

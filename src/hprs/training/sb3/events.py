@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from hprs.training import files
 from hprs.training.environment import require
+from hprs.training.run_directory import RunDirectory
 
 
-def make_logger(folder: Path, step: int) -> Any:
+def make_logger(run: RunDirectory, step: int) -> Any:
     """A logger of Stable-Baselines3 that writes numbers for TensorBoard.
 
     It writes at once and without a thread of its own, so that a full disk is an error where it
     happens.
 
     Args:
-        folder: Where the file is made.
+        run: Where the file is made.
         step: The step that the training goes on from: what was written of later ones is void.
     """
     from stable_baselines3.common.logger import KVWriter, Logger
@@ -33,8 +32,8 @@ def make_logger(folder: Path, step: int) -> Any:
         """One file of events."""
 
         def __init__(self) -> None:
-            path = folder / f"events.out.tfevents.{time.time_ns()}"
-            with files.writing(folder):
+            path = run.events / f"events.out.tfevents.{time.time_ns()}"
+            with run.writing():
                 self._file = path.open("xb")
             self._records = RecordWriter(self._file)
             self._write(event.Event(wall_time=time.time(), file_version="brain.Event:2"))
@@ -58,11 +57,12 @@ def make_logger(folder: Path, step: int) -> Any:
             self._write(event.Event(wall_time=time.time(), step=step, summary=summary))
 
         def close(self) -> None:
-            self._file.close()
+            with run.writing():
+                self._file.close()
 
         def _write(self, record: Any) -> None:
-            with files.writing(folder):
+            with run.writing():
                 self._records.write(record.SerializeToString())
                 self._file.flush()
 
-    return Logger(folder=str(folder), output_formats=[Events()])
+    return Logger(folder=str(run.events), output_formats=[Events()])

@@ -68,8 +68,12 @@ class Restoration:
 
     def model(self, configuration: Configuration, environments: VecEnv) -> BaseAlgorithm:
         """The model, in environments that have not been reset."""
-        kind = algorithm_class(configuration)
-        return kind.load(io.BytesIO(self._model), env=environments, device="cpu", force_reset=False)
+        from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
+
+        kind, content = algorithm_class(configuration), io.BytesIO(self._model)
+        # The class that was chosen when the training began would be taken for the user's choice.
+        again = {"replay_buffer_class": None} if issubclass(kind, OffPolicyAlgorithm) else {}
+        return kind.load(content, env=environments, device="cpu", force_reset=False, **again)
 
     def environments(self, model: BaseAlgorithm, seed: int) -> list[str]:
         """Bring the environments back.
@@ -89,15 +93,16 @@ class Restoration:
             rms = scale.ret_rms
             rms.mean, rms.var, rms.count = self._arrays["scale"]
             scale.returns = self._arrays["scaled"]
-        reasons: list[str] = []
+        reasons: dict[int, str] = {}
         for index, log in enumerate(_episode_logs(model)):
             kept = self._state["episodes"][index]
             reason = log.replay(EpisodeState(actions=self._arrays[f"actions {index}"], **kept))
             if reason:
-                reasons.append(reason)
+                reasons[index] = reason
                 log.reset(seed=derive_seed(seed, model.num_timesteps, index))
-                _restart(model, index, log.observation)
-        return reasons
+        if reasons:
+            _begin_episodes(model, list(reasons))
+        return list(reasons.values())
 
     def random(self, model: BaseAlgorithm) -> None:
         """Bring the generators back, and what was last drawn from them for exploration.
@@ -122,14 +127,14 @@ def replay_rows(model: BaseAlgorithm) -> int:
     return model.num_timesteps // model.n_envs
 
 
-def _restart(model: BaseAlgorithm, index: int, observation: Any) -> None:
-    """Tell everything around an environment that it has begun a new episode."""
+def _begin_episodes(model: BaseAlgorithm, indices: list[int]) -> None:
+    """Tell everything around some environments that they have begun a new episode."""
     from stable_baselines3.common.vec_env import DummyVecEnv, VecTransposeImage, unwrap_vec_wrapper
 
     monitor, scale = _layers(model)
-    monitor.episode_returns[index], monitor.episode_lengths[index] = 0.0, 0
+    monitor.episode_returns[indices], monitor.episode_lengths[indices] = 0.0, 0
     if scale is not None:
-        scale.returns[index] = 0.0
+        scale.returns[indices] = 0.0
     environments: Any = model.get_env()
     base = environments.unwrapped
     assert isinstance(base, DummyVecEnv)  # noqa: S101
@@ -142,7 +147,11 @@ def _restart(model: BaseAlgorithm, index: int, observation: Any) -> None:
     learner: Any = model
     learner._last_obs = seen
     learner._last_original_obs = seen
-    learner._last_episode_starts[index] = True
+    learner._last_episode_starts[indices] = True
+    buffer, rows = replay_buffer(model), replay_rows(model)
+    if buffer is not None and rows:
+        # Returns over several steps must not run from one episode into the other.
+        buffer.timeouts[(rows - 1) % buffer.buffer_size, indices] = True
 
 
 def _episode_logs(model: BaseAlgorithm) -> list[EpisodeLog]:

@@ -62,7 +62,7 @@ def _train(
     logger = None
     try:
         model, restoration = open_model(run, checkpoint, environments, listener)
-        logger = make_logger(run.events, first)
+        logger = make_logger(run, first)
         model.set_logger(logger)
         listener.started(run.configuration, first)
         recorder = Recorder(run, checkpoint, restoration, listener, interruption)

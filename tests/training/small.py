@@ -1,0 +1,100 @@
+"""Trainings of a second, and what the tests ask of them."""
+
+from __future__ import annotations
+
+import os
+import signal
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from hprs.training import sb3
+from hprs.training.configuration import Configuration
+from hprs.training.listener import Silence
+from hprs.training.run_directory import RunDirectory
+
+CART_POLE = "hprs/CartPole-v0"
+
+MOUNTAIN = """
+signal position = obs[0] in [-1.2, 0.6] "m"
+signal velocity = obs[1] in [-0.07, 0.07]
+achieve top: position >= 0.45
+encourage gentle: abs(velocity) <= 0.05
+"""
+
+
+def ppo(environment: str = CART_POLE, settings: Any = None, **options: Any) -> Configuration:
+    """Three environments, scaled rewards, an evaluation a rollout."""
+    small = {"environments": 3, "n_steps": 32, "batch_size": 32, "n_epochs": 2, "net_arch": [8]}
+    return sb3.configure(
+        environment,
+        algorithm="ppo",
+        settings={**small, "scale_reward": True, **(settings or {})},
+        **{"steps": 480, "evaluation_interval": 96, "evaluation_episodes": 2, **options},
+    )
+
+
+def off_policy(
+    folder: Path, algorithm: str = "sac", settings: Any = None, **options: Any
+) -> Configuration:
+    """Two environments, scaled rewards, a buffer that is shorter than the training."""
+    task = folder / "mountain.hprs"
+    task.write_text(MOUNTAIN)
+    small = {"environments": 2, "learning_starts": 20, "buffer_size": 150, "batch_size": 16}
+    return sb3.configure(
+        "MountainCarContinuous-v0",
+        task_path=str(task),
+        algorithm=algorithm,
+        settings={**small, "net_arch": [8], "scale_reward": True, **(settings or {})},
+        **{
+            "horizon": 25,
+            "steps": 240,
+            "evaluation_interval": 60,
+            "evaluation_episodes": 2,
+            **options,
+        },
+    )
+
+
+class Interrupter(Silence):
+    """Sends a signal after a number of steps, as Ctrl-C would."""
+
+    def __init__(self, step: int, number: signal.Signals = signal.SIGINT) -> None:
+        self.step, self.number = step, number
+        self.asked = 0
+        self.heard: list[str] = []
+
+    def advanced(self, step: int) -> None:
+        if step >= self.step and not self.asked:
+            os.kill(os.getpid(), self.number)
+
+    def stopping(self) -> None:
+        self.asked += 1
+
+    def noticed(self, text: str) -> None:
+        self.heard.append(text)
+
+
+class Killer(Silence):
+    """Dies after a number of steps, and saves nothing."""
+
+    def __init__(self, step: int) -> None:
+        self.step = step
+
+    def advanced(self, step: int) -> None:
+        if step >= self.step:
+            raise MemoryError
+
+
+def table(run: RunDirectory) -> str:
+    """The text of its evaluations."""
+    return (run.path / "evaluations.csv").read_text()
+
+
+def same_numbers(one: RunDirectory, two: RunDirectory) -> bool:
+    """Whether tables and final weights of two runs are equal bit for bit."""
+    weights = [sb3.load_policy(run, "last").model.policy.state_dict() for run in (one, two)]
+    return table(one) == table(two) and all(
+        torch.equal(value, weights[1][name]) for name, value in weights[0].items()
+    )

@@ -1,0 +1,180 @@
+"""A training that was stopped, resumed, killed and resumed is the training that was not."""
+
+import json
+import signal
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium import spaces
+
+from hprs.training import episode_log, sb3
+from hprs.training.run_directory import create_runs
+
+from .small import CART_POLE, Interrupter, Killer, off_policy, ppo, same_numbers, table
+
+
+def trained(configuration, folder):
+    [run] = create_runs([configuration], folder)
+    assert sb3.train(run)
+    return run
+
+
+def interrupted(configuration, folder, steps=(30, 70, 110, 150, 200)):
+    """Stopped by Ctrl-C and by death in turn, and then trained to its end."""
+    [run] = create_runs([configuration], folder)
+    for count, step in enumerate(steps):
+        if count % 2:
+            with pytest.raises(MemoryError):
+                sb3.train(run, Killer(step))
+        else:
+            assert not sb3.train(run, Interrupter(step))
+    assert sb3.train(run)
+    return run
+
+
+CASES = {
+    "ppo": lambda folder: ppo(),
+    "ppo, gSDE, Box2D": lambda folder: ppo(
+        "hprs/LunarLanderObstacle-v0", {"use_sde": True, "sde_sample_freq": 4}, steps=300
+    ),
+    "ppo, walker": lambda folder: ppo("hprs/BipedalWalker-v0", steps=300),
+    "sac": off_policy,
+    "sac, gSDE, several steps": lambda folder: off_policy(
+        folder, "sac", {"use_sde": True, "n_steps": 3, "train_freq": 4}
+    ),
+    "td3 with noise": lambda folder: off_policy(folder, "td3", {"action_noise": 0.2}),
+    "a2c": lambda folder: sb3.configure(
+        CART_POLE,
+        algorithm="a2c",
+        settings={"environments": 2, "net_arch": [8]},
+        steps=300,
+        evaluation_interval=90,
+        evaluation_episodes=2,
+    ),
+    "dqn": lambda folder: sb3.configure(
+        CART_POLE,
+        algorithm="dqn",
+        settings={"environments": 2, "net_arch": [8], "learning_starts": 20, "scale_reward": True,
+                  "target_update_interval": 20},
+        steps=300,
+        evaluation_interval=90,
+        evaluation_episodes=2,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_resumed_training_equals_the_uninterrupted_one_bit_for_bit(tmp_path, case):
+    if "Box2D" in case or "walker" in case:
+        pytest.importorskip("Box2D")
+    configuration = CASES[case](tmp_path)
+    whole = trained(configuration, tmp_path / "whole")
+    pieces = interrupted(configuration, tmp_path / "pieces")
+    assert len(whole.evaluations()) >= 6
+    assert same_numbers(whole, pieces)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_either_signal_saves_the_state(tmp_path, number):
+    [run] = create_runs([ppo()], tmp_path)
+    before = signal.getsignal(number)
+    listener = Interrupter(100, number)
+    assert not sb3.train(run, listener)
+    assert listener.asked == 1
+    assert signal.getsignal(number) is before
+    assert run.checkpoint().progress.step == 192
+
+
+def test_a_kill_between_checkpoint_and_table_loses_no_row(tmp_path):
+    [run] = create_runs([ppo()], tmp_path)
+    assert not sb3.train(run, Interrupter(100))
+    whole = table(run)
+    lines = whole.splitlines(keepends=True)
+    (run.path / "evaluations.csv").write_text("".join(lines[:-2]) + lines[-2][:9])
+    assert not sb3.train(run, Interrupter(200))
+    assert table(run).startswith(whole)
+
+
+def test_a_kill_before_the_last_policies_are_kept_is_made_good(tmp_path):
+    run = trained(ppo(), tmp_path)
+    before = run.policy_file("last").read_bytes()
+    (run.policy("last") / "policy.json").write_text('{"step": 1}')
+    listener = Interrupter(0)
+    assert sb3.train(run, listener)
+    assert run.policy_file("last").read_bytes() == before
+    assert json.loads((run.policy("last") / "policy.json").read_text())["step"] == 480
+    assert listener.heard == [f"{run.path} is complete: 480 steps."]
+
+
+class Moody(gym.Env):
+    """Draws numbers where Gymnasium does not look."""
+
+    observation_space = spaces.Box(-10.0, 10.0, (2,), np.float64)
+    action_space = spaces.Discrete(2)
+
+    def __init__(self, hidden=True):
+        self.hidden = np.random.default_rng() if hidden else None
+
+    def reset(self, *, seed=None, options=None):
+        if self.hidden is not None:
+            super().reset(seed=seed)
+        self.steps = 0
+        return self._observe(), {}
+
+    def step(self, action):
+        self.steps += 1
+        return self._observe(), 0.0, False, False, {}
+
+    def _observe(self):
+        mood = 0.0 if self.hidden is None else self.hidden.uniform()
+        return np.array([mood, self.steps])
+
+
+@pytest.fixture
+def moody():
+    gym.register("Moody-v0", Moody, max_episode_steps=50)
+    yield
+    del gym.registry["Moody-v0"]
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        ({}, "the same actions led elsewhere"),
+        ({"hidden": False}, "its environment has no random generator of Gymnasium's"),
+    ],
+)
+@pytest.mark.parametrize("algorithm", ["ppo", "dqn"])
+def test_an_episode_that_does_not_come_back_is_restarted_and_the_run_says_so(
+    tmp_path, moody, algorithm, options, reason
+):
+    (tmp_path / "calm.hprs").write_text("signal x = obs[0] in [-1, 2]\nencourage calm: x <= 0.5\n")
+    settings = {"environments": 2, "net_arch": [8], "scale_reward": True}
+    if algorithm == "ppo":
+        settings |= {"n_steps": 40, "batch_size": 40}
+    else:
+        settings |= {"learning_starts": 10, "n_steps": 3}
+    configuration = sb3.configure(
+        "Moody-v0", task_path=str(tmp_path / "calm.hprs"), algorithm=algorithm, settings=settings,
+        environment_options=options, steps=300, evaluation_interval=300, evaluation_episodes=1,
+    )  # fmt: skip
+    [run] = create_runs([configuration], tmp_path)
+    assert not sb3.train(run, Interrupter(70))
+    listener = Interrupter(180)
+    assert not sb3.train(run, listener)
+    assert listener.heard == [
+        f"2 of 2 environments begin a new episode: {reason}. "
+        "The numbers will not be those of an uninterrupted training."
+    ]
+    assert sb3.train(run)
+    assert sorted({row["step"] for row in run.evaluations()})[0] == 0
+
+
+def test_an_episode_whose_actions_are_too_many_is_restarted(tmp_path, monkeypatch):
+    monkeypatch.setattr(episode_log, "LONGEST", 5)
+    [run] = create_runs([ppo()], tmp_path)
+    assert not sb3.train(run, Interrupter(100))
+    listener = Interrupter(200)
+    assert not sb3.train(run, listener)
+    assert "it is longer than 5 steps" in listener.heard[0]
