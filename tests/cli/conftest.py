@@ -39,7 +39,7 @@ def process(here):
 
     def run(*arguments, **options):
         return subprocess.run(
-            [sys.executable, "-m", "hprs.cli", *map(str, arguments)],
+            [sys.executable, "-m", "hprs", *map(str, arguments)],
             capture_output=True,
             text=True,
             check=False,
