@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, reduce
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from hprs.spec.expression import (
     REDUCTIONS,
     Binary,
     BinaryOperator,
-    Call,
     Comparison,
     Expression,
     Name,
@@ -37,13 +36,16 @@ Values = MutableMapping[str, Array]
 Function = Callable[[Values], Array]
 
 
-@dataclass(frozen=True)
-class _Compiled:
+class _Compiled(NamedTuple):
     """A compiled expression: a function of the signals, or a constant; vectors have a length."""
 
     function: Function | None
     constant: float
     length: int | None
+    signal: str = ""
+    """The name, where the expression is one."""
+    magnitude_of: str = ""
+    """The name, where the expression is its absolute value."""
 
 
 class _Compiler:
@@ -56,60 +58,46 @@ class _Compiler:
         self._vector: Operations = array_operations(np if xp is None else xp)
 
     def compile(self, node: Expression) -> _Compiled:
+        match node:
+            case Number(value):
+                return _Compiled(None, value, None)
+            case Name(name):
+                return self._name(node, name)
+            case Negate(operand):
+                parts = (self.compile(operand),)
+            case Binary(_, left, right):
+                parts = (self.compile(left), self.compile(right))
+            case _:
+                parts = tuple(self.compile(argument) for argument in node.arguments)
+        if all(part.function is None for part in parts):
+            return _Compiled(None, infer(node, self._known).range.low, None)
+        length = next((part.length for part in parts if part.length is not None), None)
+        match node:
+            case Negate():
+                return _Compiled(_negated(parts[0]), 0.0, length)
+            case Binary(symbol):
+                return _Compiled(self._binary(symbol, parts[0], parts[-1], length), 0.0, length)
+            case _:
+                return self._call(node.function, parts, length)
+
+    def _name(self, node: Name, name: str) -> _Compiled:
+        if name in self.inlined:
+            return self.inlined[name]
         inferred = infer(node, self._known)
         if inferred.constant:
             return _Compiled(None, inferred.range.low, None)
-        quick = self._of_one_signal(node)
-        if quick is not None:
-            return _Compiled(quick, 0.0, inferred.length)
-        match node:
-            case Name(name) if name in self.inlined:
-                return self.inlined[name]
-            case Name(name):
-                return _Compiled(operator.itemgetter(name), 0.0, inferred.length)
-            case Negate(operand):
-                inner = _function(self.compile(operand))
-                return _Compiled(lambda v: -inner(v), 0.0, inferred.length)
-            case Binary(symbol, left, right):
-                function = self._binary(symbol, self.compile(left), self.compile(right), inferred)
-                return _Compiled(function, 0.0, inferred.length)
-            case Call(name, arguments):
-                parts = [self.compile(argument) for argument in arguments]
-                return _Compiled(self._call(name, parts, inferred), 0.0, inferred.length)
-            case Number():  # pragma: no cover - numbers are constant
-                raise AssertionError(node)
-
-    def _of_one_signal(self, node: Expression) -> Function | None:
-        """A single closure for `c - abs(x)`, `c - x` and `x - c`, the most common margins."""
-        if not self.inlined.keys().isdisjoint(names(node)):
-            return None
-        match node:
-            case Binary("-", Name(name), right) if not self._known_constant(node.left):
-                constant = self._constant(right)
-                return None if constant is None else lambda v: v[name] - constant
-            case Binary("-", left, Name(name)) if not self._known_constant(node.right):
-                constant = self._constant(left)
-                return None if constant is None else lambda v: constant - v[name]
-            case Binary("-", left, Call("abs", (Name(name),))):
-                constant = self._constant(left)
-                return None if constant is None else lambda v: constant - abs(v[name])
-            case _:
-                return None
-
-    def _constant(self, node: Expression) -> float | None:
-        inferred = infer(node, self._known)
-        return inferred.range.low if inferred.constant else None
-
-    def _known_constant(self, node: Expression) -> bool:
-        return self._constant(node) is not None
+        return _Compiled(operator.itemgetter(name), 0.0, inferred.length, signal=name)
 
     def _binary(
-        self, symbol: BinaryOperator, left: _Compiled, right: _Compiled, result: Inferred
+        self, symbol: BinaryOperator, left: _Compiled, right: _Compiled, length: int | None
     ) -> Function:
-        f, g = self._aligned(left, result), self._aligned(right, result)
+        quick = _difference(left, right) if symbol == "-" else None
+        if quick is not None:
+            return quick
+        f, g = self._aligned(left, length), self._aligned(right, length)
         a, b = left.constant, right.constant
         if symbol in ("/", "**"):
-            operation = self._operations(result)[symbol]
+            operation = self._operations(length)[symbol]
             if f is None:
                 divisor = g or _constant(b)
                 return lambda v: operation(a, divisor(v))
@@ -119,30 +107,37 @@ class _Compiler:
             return lambda v: operation(f(v), g(v))
         return _arithmetic(symbol, f, a, g, b)
 
-    def _call(self, name: str, parts: Sequence[_Compiled], result: Inferred) -> Function:
+    def _call(self, name: str, parts: Sequence[_Compiled], length: int | None) -> _Compiled:
+        if name in REDUCTIONS and length is not None:
+            return _Compiled(self._reduction(name, _function(parts[0])), 0.0, None)
         if len(parts) == 1:
-            inner = _function(parts[0])
-            if name in REDUCTIONS and parts[0].length is None:
-                return self._call("abs", parts, result) if name == "norm" else inner
-            if name == "abs":
-                return lambda v: abs(inner(v))
-            if name in REDUCTIONS:
-                operation = self._scalar[f"reduce {name}"]
-            else:
-                operation = self._operations(result)[name]
-            return lambda v: operation(inner(v))
+            return self._of_one(name, parts[0])
+        return _Compiled(self._of_many(name, parts, length), 0.0, length)
+
+    def _reduction(self, name: str, vector: Function) -> Function:
+        return _applied(self._scalar[f"reduce {name}"], vector)
+
+    def _of_one(self, name: str, part: _Compiled) -> _Compiled:
+        inner = _function(part)
+        if name in ("abs", "norm"):
+            magnitude: Function = lambda v: abs(inner(v))  # noqa: E731
+            return _Compiled(magnitude, 0.0, part.length, magnitude_of=part.signal)
+        if name in REDUCTIONS:
+            return part
+        return _Compiled(_applied(self._operations(part.length)[name], inner), 0.0, part.length)
+
+    def _of_many(self, name: str, parts: Sequence[_Compiled], length: int | None) -> Function:
         if name in ("sum", "mean"):
-            return self._sum(parts, 1.0 if name == "sum" else 1.0 / len(parts), result)
+            return self._sum(parts, 1.0 if name == "sum" else 1.0 / len(parts))
         if name == "norm":
-            squares = [self._power_of_two(part, result) for part in parts]
-            total, root = self._sum(squares, 1.0, result), self._scalar["sqrt"]
+            total, root = self._sum([_squared(part) for part in parts], 1.0), self._scalar["sqrt"]
             return lambda v: root(total(v))
-        return self._several(self._operations(result)[name], parts, result)
+        return self._several(self._operations(length)[name], parts, length)
 
     def _several(
-        self, operation: Callable[..., Array], parts: Sequence[_Compiled], result: Inferred
+        self, operation: Callable[..., Array], parts: Sequence[_Compiled], length: int | None
     ) -> Function:
-        functions = [self._aligned(part, result) for part in parts]
+        functions = [self._aligned(part, length) for part in parts]
         constants = [part.constant for part in parts]
         if operation is float_operations()["max"] and len(parts) == 2 and functions[1] is None:
             return _at_least(functions[0] or _constant(constants[0]), constants[1])
@@ -158,29 +153,54 @@ class _Compiler:
         pairs = list(zip(functions, constants, strict=True))
         return lambda v: operation(*[c if f is None else f(v) for f, c in pairs])
 
-    def _sum(self, parts: Sequence[_Compiled], factor: float, result: Inferred) -> Function:
-        functions = [f for f in (self._aligned(part, result) for part in parts) if f is not None]
+    def _sum(self, parts: Sequence[_Compiled], factor: float) -> Function:
+        functions = [part.function for part in parts if part.function is not None]
         offset = sum(part.constant for part in parts if part.function is None)
         total: Function = lambda v: reduce(operator.add, [f(v) for f in functions])  # noqa: E731
         if factor == 1.0 and offset == 0.0:
             return total
         return lambda v: (total(v) + offset) * factor
 
-    def _power_of_two(self, part: _Compiled, result: Inferred) -> _Compiled:
-        function = self._aligned(part, result)
-        if function is None:
-            return _Compiled(None, part.constant**2, None)
-        return _Compiled(lambda v: (x := function(v)) * x, 0.0, part.length)
+    def _operations(self, length: int | None) -> Operations:
+        return self._scalar if length is None else self._vector
 
-    def _operations(self, result: Inferred) -> Operations:
-        return self._scalar if result.length is None else self._vector
-
-    def _aligned(self, part: _Compiled, result: Inferred) -> Function | None:
+    def _aligned(self, part: _Compiled, length: int | None) -> Function | None:
         """The part's function; a batch of scalars gets a last axis where it meets vectors."""
         function = part.function
-        if function is None or self._floats or part.length == result.length:
+        if function is None or self._floats or part.length == length:
             return function
         return lambda v: function(v)[..., None]
+
+
+def _difference(left: _Compiled, right: _Compiled) -> Function | None:
+    """A single closure for `c - abs(x)`, `c - x` and `x - c`, the most common margins."""
+    if left.signal and right.function is None:
+        signal, constant = left.signal, right.constant
+        return lambda v: v[signal] - constant
+    if right.signal and left.function is None:
+        signal, constant = right.signal, left.constant
+        return lambda v: constant - v[signal]
+    if right.magnitude_of and left.function is None:
+        signal, constant = right.magnitude_of, left.constant
+        return lambda v: constant - abs(v[signal])
+    return None
+
+
+def _squared(part: _Compiled) -> _Compiled:
+    function = part.function
+    if function is None:
+        return _Compiled(None, part.constant**2, None)
+    square: Function = lambda v: (x := function(v)) * x  # noqa: E731
+    return _Compiled(square, 0.0, part.length)
+
+
+def _negated(part: _Compiled) -> Function:
+    function = _function(part)
+    return lambda v: -function(v)
+
+
+def _applied(operation: Callable[..., Array], function: Function) -> Function:
+    return lambda v: operation(function(v))
 
 
 def _function(part: _Compiled) -> Function:
