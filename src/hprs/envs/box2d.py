@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from gymnasium.error import DependencyNotInstalled
-
 from hprs.errors import MissingExtraError
 
 try:
     import Box2D as Box2D
     from gymnasium.envs.box2d import bipedal_walker as bipedal_walker
     from gymnasium.envs.box2d import lunar_lander as lunar_lander
-except (ImportError, DependencyNotInstalled):
+except ModuleNotFoundError as error:
+    if error.name != "Box2D":
+        raise
     raise MissingExtraError("Box2D", "box2d") from None
 
 __all__ = ["Box2D", "bipedal_walker", "lunar_lander"]

@@ -6,6 +6,7 @@ the pad, x = 1 lies 10 world units to the right, y = 1 lies 6.67 world units up.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -68,13 +69,10 @@ class LunarLanderObstacle(lunar_lander.LunarLander):
         if not 0 <= x_offset < 1:
             raise UsageError(f"x_offset must lie in [0, 1), got {x_offset}.")
         self.x_offset = x_offset
+        own = self.observation_space
         self.observation_space = spaces.Box(
-            np.concatenate(
-                [self.observation_space.low, np.array(4 * [-EDGE_LIMIT] + [0], np.float32)]
-            ),
-            np.concatenate(
-                [self.observation_space.high, np.array(4 * [EDGE_LIMIT] + [1], np.float32)]
-            ),
+            np.append(own.low, [-EDGE_LIMIT] * 4 + [0]).astype(np.float32),
+            np.append(own.high, [EDGE_LIMIT] * 4 + [1]).astype(np.float32),
         )
         self._observation = np.zeros(13, np.float32)
         self._observation[8:12] = self.left, self.right, self.top, self.bottom
@@ -109,6 +107,10 @@ class LunarLanderObstacle(lunar_lander.LunarLander):
         observation[12] = self.game_over
         return observation, float(reward), terminated, False, info
 
+    def render(self) -> Any:
+        """Draw the scene; Gymnasium's reset asks for it before the scene is complete."""
+        return super().render() if self._scene_is_complete else None
+
     def _complete_scene(self) -> None:
         """Move the lander to its start, and put the obstacle there."""
         self._scene_is_complete = True
@@ -134,7 +136,10 @@ class LunarLanderObstacle(lunar_lander.LunarLander):
 
 
 def _edges(name: str, given: tuple[float, float]) -> tuple[float, float]:
-    low, high = (float(edge) for edge in given)
+    try:
+        low, high = (float(edge) for edge in given)
+    except (TypeError, ValueError):
+        low = high = math.nan
     if not -EDGE_LIMIT <= low < high <= EDGE_LIMIT:
         raise UsageError(
             f"{name} needs two numbers in [-{EDGE_LIMIT}, {EDGE_LIMIT}], the smaller one first, "

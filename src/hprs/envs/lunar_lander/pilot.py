@@ -1,0 +1,42 @@
+"""A scripted pilot of the lander: `--policy hprs.envs.lunar_lander.pilot:fly`.
+
+A reference, not a learner's rival: it meets the task, so that the task is known to be possible.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+CLEARANCE = 0.2
+"""Horizontal distance from the lander's centre to an edge that it passes; it is 0.12 half wide."""
+HEADROOM = 0.25
+"""Height above the obstacle at which the lander waits until it can pass."""
+
+
+def fly(observation: Any) -> np.ndarray:
+    """Pass the obstacle on the nearer side, then go to the pad; switch off on two legs.
+
+    Args:
+        observation: Of `LunarLanderObstacle`; nothing else is remembered.
+
+    Returns:
+        The main and the lateral engine.
+    """
+    x, y, vx, vy, angle, spin, leg, other_leg = observation[:8]
+    left, right, top, bottom = observation[8:12]
+    if leg and other_leg:
+        return np.zeros(2, np.float32)
+    beside = left - CLEARANCE if abs(x - left) < abs(x - right) else right + CLEARANCE
+    is_above = y > bottom - 0.1
+    x_wanted = float(beside) if is_above else 0.0
+    is_clear = not left - 0.15 < x < right + 0.15
+    floor = top + HEADROOM if is_above and not is_clear else -1.0
+    # Far from where it should be, it sinks slowly; the ground needs the softest touch.
+    sinking = np.clip(0.35 * (y - max(floor, 0.0)), 0.08, 0.35)
+    vy_wanted = 0.3 * (floor - y) if y < floor + 0.1 else -sinking
+    angle_wanted = np.clip(0.8 * (x - x_wanted) + 1.2 * vx, -0.4, 0.4)
+    main = 8.0 * (vy_wanted - vy)
+    lateral = 12.0 * (angle - angle_wanted) + 20.0 * spin
+    return np.clip([main, lateral], -1.0, 1.0).astype(np.float32)
