@@ -15,6 +15,7 @@ from hprs.training.algorithms import (
 OWN = {
     "learning_rate": (float | Callable[[float], float], 3e-4),
     "n_steps": (int, 2048),
+    "batch_size": (int, 64),
     "gamma": (float, 0.99),
     "target_kl": (float | None, None),
     "use_sde": (bool, False),

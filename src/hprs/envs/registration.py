@@ -32,6 +32,8 @@ class Benchmark:
     """A vectorised version of it, where there is one."""
     options: Mapping[str, Any] = field(default_factory=dict[str, Any])
     """Arguments that make this benchmark of the class."""
+    hyperparameters: str = "hyperparameters.toml"
+    """The file in the package that says what it is trained with."""
 
     @property
     def task_text(self) -> str:
@@ -44,6 +46,12 @@ class Benchmark:
         from hprs.spec.parser import parse_task
 
         return parse_task(self.task_text, path=f"{self.id}/{TASK_FILE}")
+
+    @property
+    def hyperparameters_text(self) -> str:
+        """The text of its hyper-parameters."""
+        file = resources.files(self.package).joinpath(self.hyperparameters)
+        return file.read_text(encoding="utf-8")
 
 
 BENCHMARKS: Mapping[str, Benchmark] = MappingProxyType(
@@ -79,6 +87,7 @@ BENCHMARKS: Mapping[str, Benchmark] = MappingProxyType(
                 horizon=500,
                 description="the same over stumps, pits and stairs",
                 options={"hardcore": True},
+                hyperparameters="hardcore.toml",
             ),
         )
     }

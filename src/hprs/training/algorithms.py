@@ -1,6 +1,6 @@
 """The learning algorithms and their hyper-parameters, as data.
 
-A value is looked up in this order: `--set` on the command line, the table of the environment, the
+A value is looked up in this order: `--set` on the command line, the file of the benchmark, the
 table of the algorithm, the default of Stable-Baselines3.
 """
 
@@ -15,7 +15,9 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
+from hprs.envs.registration import BENCHMARKS
 from hprs.errors import UsageError, did_you_mean
+from hprs.training.tuning import Tuning, parse_tuning
 
 
 @dataclass(frozen=True)
@@ -66,21 +68,8 @@ OURS: Mapping[str, tuple[Any, Any, str]] = MappingProxyType(
 )
 """Hyper-parameters that are not arguments of the algorithm: type, default, meaning."""
 
-ENVIRONMENTS: Mapping[tuple[str, str], Mapping[str, Any]] = MappingProxyType(
-    {
-        ("hprs/CartPole-v0", "ppo"): {
-            "n_steps": 128,
-            "batch_size": 256,
-            "learning_rate": "linear_0.001",
-        },
-    }
-)
-"""(Environment id, algorithm) to the hyper-parameters tuned for it."""
-
-STEPS: Mapping[str, int] = MappingProxyType({"hprs/CartPole-v0": 300_000})
-"""Environment id to the length of a training that suffices."""
-
 DEFAULT_STEPS = 1_000_000
+"""Environment steps of a training where no file says how many suffice."""
 
 _POSITIVE = frozenset(
     {"environments", "threads", "n_steps", "batch_size", "n_epochs", "buffer_size", "learning_rate"}
@@ -99,17 +88,40 @@ class Linear:
         return self.start * remaining
 
 
-def find_algorithm(name: str | None, action_space: str) -> Algorithm:
-    """An algorithm by name, or the default of an action space.
+def tuning_of(environment: str) -> Tuning | None:
+    """What a benchmark is trained with; None for an environment that is not ours.
+
+    Raises:
+        UsageError: The benchmark's file is wrong.
+    """
+    benchmark = BENCHMARKS.get(environment)
+    if benchmark is None:
+        return None
+    path = f"{benchmark.id}/{benchmark.hyperparameters}"
+    return parse_tuning(benchmark.hyperparameters_text, path=path, algorithms=ALGORITHMS)
+
+
+def default_steps(environment: str) -> int:
+    """Environment steps of a training, where the user does not say how many."""
+    tuning = tuning_of(environment)
+    return DEFAULT_STEPS if tuning is None else tuning.steps
+
+
+def find_algorithm(name: str | None, action_space: str, environment: str = "") -> Algorithm:
+    """An algorithm by name, or the default of a benchmark or of an action space.
 
     Args:
         name: A key of `ALGORITHMS`, or None.
         action_space: The class of the action space, as in "Box".
+        environment: The environment's id.
 
     Raises:
         UsageError: There is no such algorithm, or it cannot handle the action space.
     """
-    name = name or DEFAULT_ALGORITHMS.get(action_space, "ppo")
+    if name is None:
+        tuning = tuning_of(environment)
+        default = DEFAULT_ALGORITHMS.get(action_space, "ppo")
+        name = default if tuning is None else tuning.algorithm
     algorithm = ALGORITHMS.get(name.lower())
     if algorithm is None:
         raise UsageError(
@@ -167,17 +179,15 @@ def resolve_parameters(
         UsageError: A name is unknown, or a value has the wrong type or is out of range.
     """
     known = {**own, **{name: (kind, value) for name, (kind, value, _) in OURS.items()}}
-    for name, value in overrides.items():
-        if name not in known:
-            raise UsageError(
-                f"{algorithm.name} has no hyper-parameter '{name}'."
-                f"{did_you_mean(name, known) or _similar(name, known)}"
-            )
-        _check(algorithm.name, name, value, known[name][0])
+    tuning = tuning_of(environment)
+    tuned = {} if tuning is None else tuning.tables.get(algorithm.name, {})
+    try:
+        _check_all(algorithm, tuned, known)
+    except UsageError as error:
+        raise UsageError(f"{tuning.path if tuning else environment}: {error}") from None
+    _check_all(algorithm, overrides, known)
     chosen = {name: default for name, (_, default) in known.items()}
-    chosen |= algorithm.parameters
-    chosen |= ENVIRONMENTS.get((environment, algorithm.name), {})
-    chosen |= overrides
+    chosen |= {**algorithm.parameters, **tuned, **overrides}
     return {name: list(v) if isinstance(v, tuple) else v for name, v in sorted(chosen.items())}
 
 
@@ -193,6 +203,18 @@ def _similar(name: str, known: Mapping[str, Any]) -> str:
     return (
         f" It has {', '.join(sorted(known))}." if not close else f" Close are {', '.join(close)}."
     )
+
+
+def _check_all(
+    algorithm: Algorithm, values: Mapping[str, Any], known: Mapping[str, tuple[Any, Any]]
+) -> None:
+    for name, value in values.items():
+        if name not in known:
+            raise UsageError(
+                f"{algorithm.name} has no hyper-parameter '{name}'."
+                f"{did_you_mean(name, known) or _similar(name, known)}"
+            )
+        _check(algorithm.name, name, value, known[name][0])
 
 
 def _check(algorithm: str, name: str, value: Any, kind: Any) -> None:

@@ -56,10 +56,10 @@ def configure(
         task_path: A task file; None: the benchmark's own task.
         reward: A name of `REWARDS`.
         end: End-of-episode convention of the shaping.
-        algorithm: A name of `ALGORITHMS`; None: what suits the action space.
+        algorithm: A name of `ALGORITHMS`; None: the benchmark's, or what suits the action space.
         settings: Hyper-parameters that differ from the defaults.
         environment_options: Keyword arguments of `gymnasium.make`, as JSON values.
-        steps: Environment steps; None: what the environment's table says.
+        steps: Environment steps; None: what the benchmark's file says.
         horizon: Truncate episodes after this many steps; None: as registered.
         evaluation_interval: Environment steps between two evaluations.
         evaluation_episodes: Episodes of an evaluation.
@@ -71,7 +71,7 @@ def configure(
         SignalError: The environment lacks a signal of the task.
     """
     stable_baselines3 = require("stable_baselines3", "sb3")
-    steps = algorithms.STEPS.get(environment, algorithms.DEFAULT_STEPS) if steps is None else steps
+    steps = algorithms.default_steps(environment) if steps is None else steps
     counts = {
         "steps": steps,
         "horizon": horizon,
@@ -92,7 +92,8 @@ def configure(
     made = make_environment(
         environment, task, reward, end=end, discount=0.5, horizon=horizon, **options
     )
-    chosen = algorithms.find_algorithm(algorithm, type(made.action_space).__name__)
+    space = type(made.action_space).__name__
+    chosen = algorithms.find_algorithm(algorithm, space, environment)
     made.close()
     own = hyperparameters(getattr(stable_baselines3, chosen.class_name))
     return Configuration(

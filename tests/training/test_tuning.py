@@ -1,0 +1,107 @@
+from dataclasses import replace
+from types import MappingProxyType
+
+import pytest
+
+from hprs.envs import BENCHMARKS
+from hprs.errors import UsageError
+from hprs.training import algorithms, sb3
+from hprs.training.algorithms import ALGORITHMS, default_steps, find_algorithm, tuning_of
+from hprs.training.tuning import Tuning, parse_tuning
+
+TEXT = """
+steps = 300_000
+algorithm = "ppo"
+[ppo]
+n_steps = 128
+"""
+
+PAPER = {
+    "hprs/LunarLanderObstacle-v0": (1_500_000, 300_000, 10_000, 0.01, [400, 300]),
+    "hprs/BipedalWalker-v0": (2_000_000, 1_000_000, 100, 0.005, [256, 256]),
+    "hprs/BipedalWalkerHardcore-v0": (3_000_000, 1_000_000, 100, 0.005, [256, 256]),
+}
+"""The paper's table of training parameters: steps, buffer, first steps, tau, hidden layers."""
+
+
+def parse(text):
+    return parse_tuning(text, path="here.toml", algorithms=ALGORITHMS)
+
+
+def test_a_file_says_how_long_with_what_and_how():
+    assert parse(TEXT) == Tuning("here.toml", 300_000, "ppo", {"ppo": {"n_steps": 128}})
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (TEXT.replace("steps =", "stepps =", 1), "here.toml: unknown key 'stepps'. Did you mean 'steps'? It may hold steps, algorithm, ppo, a2c, sac, td3, ddpg, dqn."),
+        (TEXT.replace("[ppo]", "[pppo]"), "here.toml: unknown key 'pppo'. Did you mean 'ppo'? It may hold steps, algorithm, ppo, a2c, sac, td3, ddpg, dqn."),
+        ('algorithm = "ppo"', "here.toml: 'steps' must be a whole number from 1 on, got None."),
+        (TEXT.replace("300_000", "0"), "here.toml: 'steps' must be a whole number from 1 on, got 0."),
+        (TEXT.replace("300_000", "true"), "here.toml: 'steps' must be a whole number from 1 on, got True."),
+        (TEXT.replace('"ppo"', '"zzz"'), "here.toml: 'algorithm' must be one of ppo, a2c, sac, td3, ddpg, dqn, got 'zzz'."),
+        ('steps = 1\nalgorithm = "ppo"\nsac = 3', "here.toml: 'sac' must be a table: [sac] on a line of its own."),
+        ("steps = ", "here.toml: it is no TOML: Invalid value (at end of document)"),
+    ],
+)  # fmt: skip
+def test_a_wrong_file_is_an_error_with_its_name(text, message):
+    with pytest.raises(UsageError) as error:
+        parse(text)
+    assert str(error.value) == message
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("n_stepps = 1", "hprs/CartPole-v0/mine.toml: ppo has no hyper-parameter 'n_stepps'. Did you mean 'n_steps'?"),
+        ("n_steps = 0.5", "hprs/CartPole-v0/mine.toml: ppo's n_steps must be a whole number"),
+    ],
+)  # fmt: skip
+def test_a_wrong_hyper_parameter_in_a_file_is_an_error_with_its_name(
+    monkeypatch, tmp_path, line, message
+):
+    package = tmp_path / f"tuning_of_{tmp_path.name}"
+    package.mkdir()
+    (package / "__init__.py").touch()
+    (package / "mine.toml").write_text(f'steps = 1\nalgorithm = "ppo"\n[ppo]\n{line}\n')
+    monkeypatch.syspath_prepend(tmp_path)
+    changed = replace(
+        BENCHMARKS["hprs/CartPole-v0"], package=package.name, hyperparameters="mine.toml"
+    )
+    monkeypatch.setattr(algorithms, "BENCHMARKS", MappingProxyType({changed.id: changed}))
+    with pytest.raises(UsageError) as error:
+        sb3.configure("hprs/CartPole-v0")
+    assert str(error.value).startswith(message)
+
+
+@pytest.mark.parametrize("name", BENCHMARKS)
+def test_every_benchmark_has_a_file_whose_algorithm_trains_it(name):
+    tuning = tuning_of(name)
+    configuration = sb3.configure(name)
+    assert (configuration.steps, configuration.algorithm) == (tuning.steps, tuning.algorithm)
+    for algorithm, table in tuning.tables.items():
+        chosen = sb3.configure(name, algorithm=algorithm).parameters
+        assert {key: chosen[key] for key in table} == dict(table)
+
+
+@pytest.mark.parametrize("name", PAPER)
+def test_the_papers_environments_are_trained_as_in_the_paper(name):
+    steps, buffer, first, tau, layers = PAPER[name]
+    configuration = sb3.configure(name)
+    found = configuration.parameters
+    assert (configuration.algorithm, configuration.steps) == ("sac", steps)
+    assert configuration.evaluation_interval == 10_000
+    assert configuration.evaluation_episodes == 10
+    assert (found["buffer_size"], found["learning_starts"], found["tau"]) == (buffer, first, tau)
+    assert found["net_arch"] == layers
+    assert (found["batch_size"], found["gamma"], found["learning_rate"]) == (256, 0.99, 0.0003)
+    assert (found["train_freq"], found["gradient_steps"], found["environments"]) == (1, 1, 1)
+    assert (found["target_update_interval"], found["ent_coef"]) == (1, "auto")
+
+
+def test_another_environment_has_no_file():
+    assert tuning_of("CartPole-v1") is None
+    assert default_steps("CartPole-v1") == algorithms.DEFAULT_STEPS
+    assert find_algorithm(None, "Box", "Pendulum-v1").name == "sac"
+    assert find_algorithm(None, "Box", "hprs/CartPole-v0").name == "ppo"
