@@ -28,9 +28,9 @@ KINDS: dict[str, Callable[[Path], Configuration]] = {
     "sac": lambda folder: off_policy(folder, settings={"buffer_size": 80}, steps=120),
     "long ppo": lambda folder: ppo(
         "hprs/LunarLanderObstacle-v0",
-        {"environments": 4, "n_steps": 256, "net_arch": [32]},
-        steps=12_000,
-        evaluation_interval=1000,
+        {"environments": 4, "n_steps": 128, "net_arch": [32]},
+        steps=6000,
+        evaluation_interval=500,
         evaluation_episodes=4,
     ),
     "long sac": lambda folder: off_policy(
@@ -86,7 +86,7 @@ def at_random(folder: Path, configuration: Configuration, kills: int, seed: int)
         [run] = create_runs([configuration], folder / f"killed-{attempt}")
         while done < kills:
             child = fork(lambda run=run: sb3.train(run))
-            time.sleep(chance.uniform(0.02, 0.5) * lasts)
+            time.sleep(chance.uniform(0.02, 0.3) * lasts)
             os.kill(child, signal.SIGKILL)
             before = recorded(run)
             if os.waitpid(child, 0)[1] != signal.SIGKILL:

@@ -9,7 +9,7 @@ import pytest
 from gymnasium import spaces
 
 from hprs.training import episode_log, sb3
-from hprs.training.run_directory import create_runs
+from hprs.training.run_directory import RunDirectory, create_runs
 
 from .small import CART_POLE, Interrupter, Killer, off_policy, ppo, same_numbers, table
 
@@ -178,3 +178,18 @@ def test_an_episode_whose_actions_are_too_many_is_restarted(tmp_path, monkeypatc
     listener = Interrupter(200)
     assert not sb3.train(run, listener)
     assert "it is longer than 5 steps" in listener.heard[0]
+
+
+def test_a_training_that_goes_on_with_other_versions_says_so(tmp_path):
+    [run] = create_runs([ppo()], tmp_path)
+    assert not sb3.train(run, Interrupter(100))
+    file = run.path / "run.json"
+    content = json.loads(file.read_text())
+    now, content["versions"]["torch"] = content["versions"]["torch"], "1.0"
+    file.write_text(json.dumps(content))
+    listener = Interrupter(200)
+    assert not sb3.train(RunDirectory(run.path), listener)
+    assert listener.heard == [
+        f"{run.path} was begun with torch 1.0 (now {now}). "
+        "The numbers may not be those of an uninterrupted training."
+    ]

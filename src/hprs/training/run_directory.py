@@ -90,6 +90,16 @@ class RunDirectory:
         return content
 
     @property
+    def changed_versions(self) -> list[str]:
+        """What can change numbers and is of another version than when the run was made."""
+        now, then = versions(), self._content.get("versions", {})
+        return [
+            f"{package} {then[package]} (now {now[package]})"
+            for package in now
+            if package in then and then[package] != now[package]
+        ]
+
+    @property
     def events(self) -> Path:
         """The folder of TensorBoard's files."""
         return self.path

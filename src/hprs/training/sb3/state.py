@@ -72,7 +72,8 @@ class Restoration:
 
         kind, content = algorithm_class(configuration), io.BytesIO(self._model)
         # The class that was chosen when the training began would be taken for the user's choice.
-        again = {"replay_buffer_class": None} if issubclass(kind, OffPolicyAlgorithm) else {}
+        off_policy = issubclass(kind, OffPolicyAlgorithm)
+        again: dict[str, Any] = {"replay_buffer_class": None} if off_policy else {}
         return kind.load(content, env=environments, device="cpu", force_reset=False, **again)
 
     def environments(self, model: BaseAlgorithm, seed: int) -> list[str]:

@@ -48,6 +48,11 @@ def train(run: RunDirectory, listener: Listener | None = None) -> bool:
             if checkpoint.progress.step >= configuration.steps:
                 listener.noticed(f"{run.path} is complete: {checkpoint.progress.step:,} steps.")
                 return True
+            if run.changed_versions:
+                listener.noticed(
+                    f"{run.path} was begun with {', '.join(run.changed_versions)}. "
+                    "The numbers may not be those of an uninterrupted training."
+                )
         with Interruption(listener.stopping) as interruption:
             return _train(run, checkpoint, listener, interruption)
 
