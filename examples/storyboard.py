@@ -1,0 +1,159 @@
+"""Draws an episode as a row of pictures, with the state of every requirement below each.
+
+Examples:
+  python examples/storyboard.py hprs/CartPole-v0 --policy random --out picture.png
+  python examples/storyboard.py runs/hprs-CartPole-v0/hprs-ppo-1a2b3c4d/seed-0 --out picture.png
+
+The pages in docs/environments say which command made theirs.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+from hprs.errors import HprsError, UsageError
+from hprs.training.environment import find_task, make_environment, require
+from hprs.training.evaluation import FINAL_SEEDS
+from hprs.training.policies import Policy, RandomPolicy, do_nothing, import_policy
+from hprs.training.run_directory import RunDirectory, Which
+
+if TYPE_CHECKING:
+    from PIL import Image
+
+    from hprs.wrappers.single import TaskWrapper
+
+COLUMNS = 4
+"""Pictures side by side."""
+PICTURE = (300, 200)
+"""Width and height of the scene in a picture, in pixels."""
+GAP = 6
+LINE = 17
+"""Height of a line of text, in pixels."""
+LABELS_IN_A_LINE = 3
+MET, VIOLATED = (32, 128, 64), (192, 48, 40)
+
+
+@dataclass(frozen=True)
+class Storyboard:
+    """Draw an episode as a row of pictures."""
+
+    subject: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="RUN|ENV")]
+    """Run directory; with --policy, an environment."""
+    out: Annotated[Path, tyro.conf.arg(metavar="FILE")]
+    """Where the picture goes."""
+    policy: Annotated[str | None, tyro.conf.arg(metavar="POLICY", help_behavior_hint="")] = None
+    """zero, random, or module:function."""
+    which: Which = "best"
+    """The policy of a run."""
+    seed: Annotated[int, tyro.conf.arg(metavar="N")] = FINAL_SEEDS
+    """Seed of the episode."""
+    pictures: Annotated[int, tyro.conf.arg(metavar="N")] = 8
+    """How many, at even distances from the first step to the last."""
+    steps: Annotated[tuple[int, ...], tyro.conf.arg(metavar="N", help_behavior_hint="")] = ()
+    """Show these steps instead."""
+
+
+@dataclass(frozen=True)
+class Moment:
+    """What is shown of one step."""
+
+    step: int
+    scene: Image.Image
+    margins: Mapping[str, float]
+
+
+def main(storyboard: Storyboard) -> None:
+    """Play the episode and draw it."""
+    require("PIL", "report")
+    # Pygame draws into memory; no window is needed.
+    os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
+    environment, policy = make(storyboard)
+    moments = play(environment, policy, storyboard.seed)
+    last = len(moments) - 1
+    count = max(storyboard.pictures, 2)
+    steps = storyboard.steps or [round(i * last / (count - 1)) for i in range(count)]
+    if not all(0 <= step <= last for step in steps):
+        raise UsageError(f"the episode has the steps 0 to {last}; --steps asks for {steps}.")
+    draw([moments[step] for step in steps]).save(storyboard.out, optimize=True)
+    print(f"{storyboard.out}: steps {', '.join(map(str, steps))} of {last}")
+
+
+def make(storyboard: Storyboard) -> tuple[TaskWrapper, Policy]:
+    """The environment with its task, and the policy."""
+    if storyboard.policy is None:
+        from hprs.training import sb3
+        from hprs.training.environment import make_configured
+
+        run = RunDirectory(Path(storyboard.subject))
+        environment = make_configured(run.configuration, render_mode="rgb_array")
+        return environment, sb3.load_policy(run, storyboard.which)
+    task, _ = find_task(storyboard.subject)
+    environment = make_environment(storyboard.subject, task, render_mode="rgb_array")
+    space = environment.action_space
+    if storyboard.policy == "zero":
+        return environment, do_nothing(space)
+    if storyboard.policy == "random":
+        return environment, RandomPolicy(space, seed=0)
+    return environment, import_policy(storyboard.policy)
+
+
+def play(environment: TaskWrapper, policy: Policy, seed: int) -> list[Moment]:
+    """Every moment of an episode, the reset's first."""
+    from PIL import Image
+
+    def moment(info: Mapping[str, Any]) -> Moment:
+        scene: Any = environment.render()
+        return Moment(len(moments), Image.fromarray(scene).resize(PICTURE), info["margins"])
+
+    moments: list[Moment] = []
+    observation, info = environment.reset(seed=seed)
+    moments.append(moment(info))
+    ended = False
+    while not ended:
+        observation, _, terminated, truncated, info = environment.step(policy(observation))
+        moments.append(moment(info))
+        ended = terminated or truncated
+    environment.close()
+    return moments
+
+
+def draw(moments: Sequence[Moment]) -> Image.Image:
+    """The moments in rows, from left to right."""
+    from PIL import Image, ImageDraw, ImageFont
+
+    font = ImageFont.load_default(size=13)
+    labels = len(moments[0].margins)
+    lines = 1 + -(-labels // LABELS_IN_A_LINE)
+    width, height = PICTURE[0] + GAP, PICTURE[1] + lines * LINE + 2 * GAP
+    columns = min(COLUMNS, len(moments))
+    rows = -(-len(moments) // columns)
+    board = Image.new("RGB", (columns * width + GAP, rows * height + GAP), "white")
+    pen = ImageDraw.Draw(board)
+    for index, moment in enumerate(moments):
+        x, y = GAP + index % columns * width, GAP + index // columns * height
+        board.paste(moment.scene, (x, y))
+        pen.rectangle((x, y, x + PICTURE[0] - 1, y + PICTURE[1] - 1), outline="grey")
+        y += PICTURE[1] + 2
+        pen.text((x, y), f"step {moment.step}", fill="black", font=font)
+        for place, (label, margin) in enumerate(moment.margins.items()):
+            colour = MET if margin >= 0 else VIOLATED
+            left = x + place % LABELS_IN_A_LINE * PICTURE[0] // LABELS_IN_A_LINE
+            top = y + (1 + place // LABELS_IN_A_LINE) * LINE
+            pen.rectangle((left, top + 4, left + 8, top + 12), fill=colour)
+            pen.text((left + 13, top), label, fill=colour, font=font)
+    return board.quantize(64)
+
+
+if __name__ == "__main__":
+    try:
+        main(tyro.cli(Storyboard, description=__doc__))
+    except HprsError as error:
+        print(error, file=sys.stderr)
+        sys.exit(2)
