@@ -41,7 +41,7 @@ def off_policy(
     """Two environments, scaled rewards, a buffer that is shorter than the training."""
     task = folder / "mountain.hprs"
     task.write_text(MOUNTAIN)
-    small = {"environments": 2, "learning_starts": 20, "buffer_size": 150, "batch_size": 16}
+    small = {"environments": 2, "learning_starts": 40, "buffer_size": 150, "batch_size": 16}
     return sb3.configure(
         "MountainCarContinuous-v0",
         task_path=str(task),

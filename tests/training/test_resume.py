@@ -35,6 +35,10 @@ def interrupted(configuration, folder, steps=(30, 70, 110, 150, 200)):
 
 CASES = {
     "ppo": lambda folder: ppo(),
+    "ppo, schedules": lambda folder: ppo(
+        settings={"learning_rate": "linear_0.01", "clip_range": "linear_0.3", "n_epochs": 1},
+        steps=300,
+    ),
     "ppo, gSDE, Box2D": lambda folder: ppo(
         "hprs/LunarLanderObstacle-v0", {"use_sde": True, "sde_sample_freq": 4}, steps=300
     ),

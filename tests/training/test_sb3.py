@@ -296,9 +296,7 @@ def test_a_task_that_does_not_fit_the_environment_is_refused(tmp_path, mountain)
 
 
 def test_what_stable_baselines3_refuses_is_one_line(tmp_path):
-    configuration = sb3.configure(
-        CART_POLE, settings={"environments": 1, "n_steps": 1, "batch_size": 1}
-    )
+    configuration = sb3.configure(CART_POLE, settings={"policy_kwargs": {"ortho": True}})
     [run] = create_runs([configuration], tmp_path)
     with pytest.raises(UsageError, match=r"Stable-Baselines3 refuses this training"):
         sb3.train(run)

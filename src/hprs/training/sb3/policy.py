@@ -19,6 +19,9 @@ from hprs.training.sb3.state import MODEL
 
 POLICY = "policy.zip"
 
+_UNUSED = {"learning_rate": 0.0, "lr_schedule": None, "clip_range": 0.0, "clip_range_vf": None}
+"""What a policy that only acts need not unpickle; its code may have moved since."""
+
 
 @dataclass(frozen=True)
 class Learner:
@@ -70,7 +73,7 @@ def load_zip(path: Path) -> Learner:
     if not path.is_file():
         raise UsageError(f"there is no policy file '{path}'.")
     try:
-        data, _, _ = load_from_zip_file(path, device="cpu")
+        data, _, _ = load_from_zip_file(path, device="cpu", custom_objects=_UNUSED)
     except (ValueError, KeyError, RuntimeError, EOFError, pickle.UnpicklingError) as error:
         raise UsageError(f"'{path}' is not a Stable-Baselines3 policy: {error}") from None
     if data is None or "policy_class" not in data:
@@ -78,7 +81,7 @@ def load_zip(path: Path) -> Learner:
     kind = getattr(stable_baselines3, _class_name(data))
     # A policy needs no replay buffer, and must not need what a special one would.
     small = {"replay_buffer_class": None, "buffer_size": 1} if "buffer_size" in data else {}
-    return Learner(kind.load(path, device="cpu", **small))
+    return Learner(kind.load(path, device="cpu", custom_objects=_UNUSED, **small))
 
 
 @contextmanager

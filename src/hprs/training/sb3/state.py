@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hprs.training.algorithms import schedule
 from hprs.training.arrays import pack, unpack
 from hprs.training.configuration import Configuration
 from hprs.training.episode_log import EpisodeLog, EpisodeState
@@ -74,7 +75,17 @@ class Restoration:
         # The class that was chosen when the training began would be taken for the user's choice.
         off_policy = issubclass(kind, OffPolicyAlgorithm)
         again: dict[str, Any] = {"replay_buffer_class": None} if off_policy else {}
-        return kind.load(content, env=environments, device="cpu", force_reset=False, **again)
+        # Schedules are functions of ours, made anew: a pickle names where their code once was.
+        made = {name: schedule(value) for name, value in configuration.parameters.items()}
+        ours = {name: value for name, value in made.items() if callable(value)}
+        return kind.load(
+            content,
+            env=environments,
+            device="cpu",
+            custom_objects={"lr_schedule": None, **ours},
+            force_reset=False,
+            **again,
+        )
 
     def environments(self, model: BaseAlgorithm, seed: int) -> list[str]:
         """Bring the environments back.
