@@ -17,6 +17,10 @@ from typing import Any
 
 from hprs.envs.registration import BENCHMARKS
 from hprs.errors import UsageError, did_you_mean
+from hprs.training.ranges import check_range, check_together, shown
+from hprs.training.schedules import Linear as Linear
+from hprs.training.schedules import schedule as schedule
+from hprs.training.schedules import start_of
 from hprs.training.tuning import Tuning, parse_tuning
 
 
@@ -32,6 +36,11 @@ class Algorithm:
     """The action spaces it can handle."""
     parameters: Mapping[str, Any] = field(default_factory=dict)
     """Hyper-parameters that differ from Stable-Baselines3's defaults."""
+
+    @property
+    def takes_noise(self) -> bool:
+        """Whether noise can be added to its actions: where all of them are numbers."""
+        return self.spaces == ("Box",)
 
 
 _ANY_ACTION = ("Box", "Discrete", "MultiDiscrete", "MultiBinary")
@@ -70,22 +79,6 @@ OURS: Mapping[str, tuple[Any, Any, str]] = MappingProxyType(
 
 DEFAULT_STEPS = 1_000_000
 """Environment steps of a training where no file says how many suffice."""
-
-_POSITIVE = frozenset(
-    {"environments", "threads", "n_steps", "batch_size", "n_epochs", "buffer_size", "learning_rate"}
-)
-_SCHEDULE = "linear_"
-
-
-@dataclass(frozen=True)
-class Linear:
-    """A hyper-parameter that falls linearly from `start` to 0 over a training."""
-
-    start: float
-
-    def __call__(self, remaining: float) -> float:
-        """The value while this fraction of the training remains."""
-        return self.start * remaining
 
 
 def tuning_of(environment: str) -> Tuning | None:
@@ -156,7 +149,8 @@ def parse_settings(settings: Sequence[str], option: str = "--set") -> dict[str, 
             raise UsageError(f"{option} {key} is given twice.")
         try:
             found[key] = json.loads(text)
-        except json.JSONDecodeError:
+        # Beside what is no JSON: numbers of thousands of digits, lists nested as deep.
+        except (ValueError, RecursionError):
             found[key] = {"True": True, "False": False, "None": None}.get(text, text)
     return found
 
@@ -166,6 +160,8 @@ def resolve_parameters(
     environment: str,
     overrides: Mapping[str, Any],
     own: Mapping[str, tuple[Any, Any]],
+    *,
+    action_space: str = "Box",
 ) -> dict[str, Any]:
     """All hyper-parameters of a training, checked.
 
@@ -174,9 +170,11 @@ def resolve_parameters(
         environment: The environment's id.
         overrides: What the user sets.
         own: The algorithm's own arguments: name to type and default.
+        action_space: The class of the action space.
 
     Raises:
-        UsageError: A name is unknown, or a value has the wrong type or is out of range.
+        UsageError: A name is unknown, a value has the wrong type or is out of range, or two values
+            exclude one another.
     """
     known = {**own, **{name: (kind, value) for name, (kind, value, _) in OURS.items()}}
     tuning = tuning_of(environment)
@@ -188,14 +186,8 @@ def resolve_parameters(
     _check_all(algorithm, overrides, known)
     chosen = {name: default for name, (_, default) in known.items()}
     chosen |= {**algorithm.parameters, **tuned, **overrides}
+    _check_together(algorithm, chosen, action_space)
     return {name: list(v) if isinstance(v, tuple) else v for name, v in sorted(chosen.items())}
-
-
-def schedule(value: Any) -> Any:
-    """A hyper-parameter as Stable-Baselines3 takes it: "linear_0.001" becomes a function."""
-    if isinstance(value, str) and value.startswith(_SCHEDULE):
-        return Linear(float(value.removeprefix(_SCHEDULE)))
-    return value
 
 
 def _similar(name: str, known: Mapping[str, Any]) -> str:
@@ -217,16 +209,22 @@ def _check_all(
         _check(algorithm.name, name, value, known[name][0])
 
 
+def _check_together(algorithm: Algorithm, parameters: Mapping[str, Any], action_space: str) -> None:
+    check_together(algorithm.name, parameters)
+    if parameters["action_noise"] > 0.0 and not algorithm.takes_noise:
+        able = ", ".join(other.name for other in ALGORITHMS.values() if other.takes_noise)
+        raise UsageError(f"{algorithm.name} takes no action_noise; {able} do.")
+    if parameters.get("use_sde") and action_space != "Box":
+        raise UsageError(
+            f"{algorithm.name}'s use_sde needs actions of a Box space, not of a "
+            f"{action_space} space."
+        )
+
+
 def _check(algorithm: str, name: str, value: Any, kind: Any) -> None:
     if not _accepts(value, kind):
-        raise UsageError(
-            f"{algorithm}'s {name} must be {_describe(kind)}, got {json.dumps(value)}."
-        )
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    if name in _POSITIVE and number and value <= 0:
-        raise UsageError(f"{algorithm}'s {name} must be positive, got {value}.")
-    if name == "gamma" and number and not 0.0 < value <= 1.0:
-        raise UsageError(f"{algorithm}'s gamma, the discount, must lie in (0, 1], got {value}.")
+        raise UsageError(f"{algorithm}'s {name} must be {_describe(kind)}, got {shown(value)}.")
+    check_range(algorithm, name, value)
 
 
 def _accepts(value: Any, kind: Any) -> bool:
@@ -235,7 +233,7 @@ def _accepts(value: Any, kind: Any) -> bool:
     if origin in (typing.Union, types.UnionType):
         return any(_accepts(value, option) for option in arguments)
     if origin is Callable:
-        return isinstance(value, str) and _is_schedule(value)
+        return isinstance(value, str) and start_of(value) is not None
     if origin in (list, tuple):
         return isinstance(value, list) and (
             origin is tuple or all(_accepts(item, arguments[0]) for item in value)
@@ -247,13 +245,6 @@ def _accepts(value: Any, kind: Any) -> bool:
     if kind is int:
         return isinstance(value, int) and not isinstance(value, bool)
     return kind in (bool, str, type(None)) and isinstance(value, kind)
-
-
-def _is_schedule(value: str) -> bool:
-    try:
-        return value.startswith(_SCHEDULE) and float(value.removeprefix(_SCHEDULE)) > 0.0
-    except ValueError:
-        return False
 
 
 _WORDS: Mapping[Any, str] = {

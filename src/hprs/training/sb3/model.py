@@ -50,7 +50,8 @@ def make_model(configuration: Configuration, environments: VecEnv) -> BaseAlgori
             device="cpu",
             **_arguments(kind, configuration, environments),
         )
-    except (AssertionError, ValueError, TypeError) as error:
+    # What is wrong inside `policy_kwargs` or too large for the memory comes as any of these.
+    except (AssertionError, ValueError, TypeError, RuntimeError, MemoryError) as error:
         raise UsageError(f"Stable-Baselines3 refuses this training: {error}") from error
 
 

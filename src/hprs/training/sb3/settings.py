@@ -101,7 +101,9 @@ def configure(
         environment_options=options,
         task_text=text,
         algorithm=chosen.name,
-        parameters=algorithms.resolve_parameters(chosen, environment, settings or {}, own),
+        parameters=algorithms.resolve_parameters(
+            chosen, environment, settings or {}, own, action_space=space
+        ),
         steps=steps,
         reward=reward,
         end=end,
