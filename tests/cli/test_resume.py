@@ -97,6 +97,7 @@ def test_a_wrong_option_is_one_line(hprs, mine, options, message):
 
 
 def test_help_names_what_exists(hprs):
+    from hprs.rewards.hierarchical import ENDS
     from hprs.rewards.registry import REWARDS
     from hprs.training.algorithms import ALGORITHMS, OURS
     from hprs.training.configuration import Configuration
@@ -105,4 +106,5 @@ def test_help_names_what_exists(hprs):
     text = " ".join(out.replace("│", " ").split())
     for names in (REWARDS, ALGORITHMS, OURS):
         assert ", ".join(names) in text
+    assert all(f" {end} (" in text for end in ENDS)
     assert f"(default: {Configuration.evaluation_interval})" in text

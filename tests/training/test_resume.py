@@ -197,3 +197,41 @@ def test_a_training_that_goes_on_with_other_versions_says_so(tmp_path):
         f"{run.path} was begun with torch 1.0 (now {now}). "
         "The numbers may not be those of an uninterrupted training."
     ]
+
+
+class Picture(gym.Env):
+    """A noisy picture; with `hidden`, of a noise that Gymnasium does not know."""
+
+    observation_space = spaces.Box(0, 255, (36, 36, 3), np.uint8)
+    action_space = spaces.Discrete(2)
+
+    def __init__(self, hidden=False):
+        self.hidden = np.random.default_rng() if hidden else None
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        return self._observe(), {}
+
+    def step(self, action):
+        return self._observe(), 0.0, False, False, {}
+
+    def _observe(self):
+        return (self.hidden or self.np_random).integers(0, 256, (36, 36, 3), np.uint8)
+
+
+@pytest.mark.parametrize("hidden", [False, True])
+def test_a_training_on_pictures_resumes(tmp_path, hidden):
+    gym.register("Picture-v0", Picture, max_episode_steps=7)
+    (tmp_path / "red.hprs").write_text("signal x = action in [0, 1]\nencourage left: x <= 0.5\n")
+    try:
+        configuration = sb3.configure(
+            "Picture-v0", task_path=str(tmp_path / "red.hprs"), environment_options={"hidden": hidden},
+            settings={"environments": 2, "n_steps": 5, "batch_size": 10, "n_epochs": 1, "net_arch": [4],
+                      "policy_kwargs": {"features_extractor_kwargs": {"features_dim": 8}}},
+            steps=60, evaluation_interval=20, evaluation_episodes=1,
+        )  # fmt: skip
+        whole = trained(configuration, tmp_path / "whole")
+        pieces = interrupted(configuration, tmp_path / "pieces", steps=(8, 22, 32))
+        assert hidden or same_numbers(whole, pieces)
+    finally:
+        del gym.registry["Picture-v0"]
