@@ -1,7 +1,10 @@
+import sys
+
 import numpy as np
 import pytest
 
-from hprs.training.intervals import bootstrap_mean, wilson
+from hprs.errors import MissingExtraError
+from hprs.training.intervals import bootstrap_mean, require_statistics, wilson
 
 
 # Newcombe (1998), Statistics in Medicine 17, table I, method 3.
@@ -43,10 +46,18 @@ def test_the_bootstrap_leans_towards_the_long_tail():
     assert high - values.mean() > values.mean() - low
 
 
-def test_the_bootstrap_agrees_with_scipy():
-    stats = pytest.importorskip("scipy.stats")
-    values = np.random.default_rng(1).beta(5, 1, 50)
-    expected = stats.bootstrap(
-        (values,), np.mean, n_resamples=20_000, method="BCa", rng=np.random.default_rng(0)
-    ).confidence_interval
-    assert bootstrap_mean(values) == pytest.approx((expected.low, expected.high), abs=0.005)
+def test_the_bootstrap_of_many_values_depends_on_its_seed_only():
+    values = np.random.default_rng(1).beta(5, 1, 2_000)
+    assert bootstrap_mean(values) == bootstrap_mean(values, seed=0)
+    assert bootstrap_mean(values) != bootstrap_mean(values, seed=1)
+
+
+def test_one_odd_value_among_many_has_an_interval():
+    low, high = bootstrap_mean([0.0] * 49 + [1.0])
+    assert 0.0 <= low <= 0.02 <= high <= 0.2
+
+
+def test_missing_statistics_say_how_to_install_them(monkeypatch):
+    monkeypatch.setitem(sys.modules, "scipy", None)
+    with pytest.raises(MissingExtraError, match=r"^scipy is not installed.*hprs\[report\]"):
+        require_statistics()

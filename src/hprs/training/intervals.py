@@ -1,4 +1,4 @@
-"""95 % confidence intervals over episodes.
+"""95 % confidence intervals over episodes, by SciPy.
 
 Wilson's score interval for fractions of episodes (Wilson, 1927), the bias-corrected and accelerated
 bootstrap for means (Efron, 1987).
@@ -6,28 +6,35 @@ bootstrap for means (Efron, 1987).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from statistics import NormalDist
 
 import numpy as np
+
+from hprs.training.environment import require
 
 LEVEL = 0.95
 RESAMPLES = 5_000
 
-_NORMAL = NormalDist()
+_BATCH = 5_000_000
+"""Numbers that the bootstrap draws at once, which bounds its memory."""
+
+
+def require_statistics() -> None:
+    """See that intervals can be computed, before any episode is run for them.
+
+    Raises:
+        MissingExtraError: SciPy is not installed.
+    """
+    require("scipy", "report")
 
 
 def wilson(successes: int, count: int) -> tuple[float, float]:
     """The interval of a fraction of which `successes` of `count` were seen."""
-    z = _NORMAL.inv_cdf(0.5 + LEVEL / 2)
-    fraction = successes / count
-    centre = fraction + z * z / (2 * count)
-    spread = z * math.sqrt(fraction * (1 - fraction) / count + z * z / (4 * count * count))
-    scale = 1 + z * z / count
-    low = 0.0 if successes == 0 else (centre - spread) / scale
-    high = 1.0 if successes == count else (centre + spread) / scale
-    return low, high
+    require_statistics()
+    from scipy import stats
+
+    found = stats.binomtest(successes, count).proportion_ci(LEVEL, method="wilson")
+    return float(found.low), float(found.high)
 
 
 def bootstrap_mean(values: Sequence[float], *, seed: int = 0) -> tuple[float, float]:
@@ -35,16 +42,16 @@ def bootstrap_mean(values: Sequence[float], *, seed: int = 0) -> tuple[float, fl
     sample = np.asarray(values, dtype=float)
     if len(sample) < 2 or np.ptp(sample) == 0.0:
         return float(sample.mean()), float(sample.mean())
-    generator = np.random.default_rng(seed)
-    means = sample[generator.integers(len(sample), size=(RESAMPLES, len(sample)))].mean(axis=1)
-    below = np.mean(means < sample.mean()) + np.mean(means == sample.mean()) / 2
-    bias = _NORMAL.inv_cdf(float(np.clip(below, 1 / RESAMPLES, 1 - 1 / RESAMPLES)))
-    # Leaving one value out moves the mean by a multiple of its deviation.
-    deviation = sample - sample.mean()
-    acceleration = (deviation**3).sum() / (6 * (deviation**2).sum() ** 1.5)
-    ends: list[float] = []
-    for tail in ((1 - LEVEL) / 2, (1 + LEVEL) / 2):
-        shifted = bias + _NORMAL.inv_cdf(tail)
-        level = _NORMAL.cdf(bias + shifted / (1 - acceleration * shifted))
-        ends.append(float(np.quantile(means, level)))
-    return ends[0], ends[1]
+    require_statistics()
+    from scipy import stats
+
+    found = stats.bootstrap(
+        (sample,),
+        np.mean,
+        n_resamples=RESAMPLES,
+        batch=max(1, _BATCH // len(sample)),
+        confidence_level=LEVEL,
+        method="BCa",
+        rng=np.random.default_rng(seed),
+    ).confidence_interval
+    return float(found.low), float(found.high)
