@@ -30,6 +30,8 @@ def test_wilson_is_symmetric_and_stays_in_the_unit_interval():
 def test_the_bootstrap_of_equal_values_is_a_point():
     assert bootstrap_mean([0.5, 0.5, 0.5]) == (0.5, 0.5)
     assert bootstrap_mean([0.25]) == (0.25, 0.25)
+    assert bootstrap_mean([0.1 + 0.2, 0.3]) == pytest.approx((0.3, 0.3))
+    assert bootstrap_mean([1e-200, 0.0]) == pytest.approx((0.0, 0.0))
 
 
 def test_the_bootstrap_agrees_with_the_normal_interval_of_a_large_sample():

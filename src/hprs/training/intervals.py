@@ -15,6 +15,8 @@ from hprs.training.environment import require
 LEVEL = 0.95
 RESAMPLES = 5_000
 
+_ROUNDING = 1e-9
+"""Measures are of the order of 1: what differs by less differs by rounding."""
 _BATCH = 5_000_000
 """Numbers that the bootstrap draws at once, which bounds its memory."""
 
@@ -38,9 +40,9 @@ def wilson(successes: int, count: int) -> tuple[float, float]:
 
 
 def bootstrap_mean(values: Sequence[float], *, seed: int = 0) -> tuple[float, float]:
-    """The interval of a mean; a single point where all values are the same."""
+    """The interval of a mean; a single point where all values, of the order of 1, are the same."""
     sample = np.asarray(values, dtype=float)
-    if len(sample) < 2 or np.ptp(sample) == 0.0:
+    if len(sample) < 2 or np.ptp(sample) <= _ROUNDING:
         return float(sample.mean()), float(sample.mean())
     require_statistics()
     from scipy import stats
