@@ -12,7 +12,7 @@ QUICK = ["train", "hprs/CartPole-v0", *SMALL]
 
 @pytest.fixture
 def mine(here):
-    (here / "my_envs.py").write_text(
+    (here / "my_poles.py").write_text(
         "import gymnasium as gym\n"
         "from gymnasium.envs.classic_control import CartPoleEnv\n"
         "class Pole(CartPoleEnv):\n"
@@ -25,7 +25,7 @@ def mine(here):
         "gym.register('Pole-v0', Pole, max_episode_steps=20)\n"
     )
     (here / "pole.hprs").write_text("signal x = obs[0] in [-5, 5]\nensure near: abs(x) <= 2\n")
-    return ["train", "my_envs:Pole-v0", "--task", "pole.hprs", "--algorithm", "ppo", *SMALL]
+    return ["train", "my_poles:Pole-v0", "--task", "pole.hprs", "--algorithm", "ppo", *SMALL]
 
 
 def runs():
@@ -80,11 +80,11 @@ def test_options_reach_the_environment_its_evaluation_and_run_json(hprs, mine):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["lenght=1"], "my_envs:Pole-v0 has no option 'lenght'. Did you mean 'length'?"),
-        (["weight=1"], "my_envs:Pole-v0 has no option 'weight'. It has length, name."),
-        (["max_episode_steps=9"], "my_envs:Pole-v0 has no option 'max_episode_steps'. Use --horizon."),
-        (["render_mode=human"], "my_envs:Pole-v0 has no option 'render_mode'. It has length, name."),
-        (["length=-1", "name=x"], "my_envs:Pole-v0 refuses its options length=-1, name='x': length must be positive, got -1"),
+        (["lenght=1"], "my_poles:Pole-v0 has no option 'lenght'. Did you mean 'length'?"),
+        (["weight=1"], "my_poles:Pole-v0 has no option 'weight'. It has length, name."),
+        (["max_episode_steps=9"], "my_poles:Pole-v0 has no option 'max_episode_steps'. Use --horizon."),
+        (["render_mode=human"], "my_poles:Pole-v0 has no option 'render_mode'. It has length, name."),
+        (["length=-1", "name=x"], "my_poles:Pole-v0 refuses its options length=-1, name='x': length must be positive, got -1"),
         (["length"], "--env takes KEY=VALUE, got 'length'."),
         (["length=1", "length=2"], "--env length is given twice."),
     ],
