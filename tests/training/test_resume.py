@@ -235,3 +235,24 @@ def test_a_training_on_pictures_resumes(tmp_path, hidden):
         assert hidden or same_numbers(whole, pieces)
     finally:
         del gym.registry["Picture-v0"]
+
+
+@pytest.mark.parametrize("call", [0, 1, 3])
+def test_ctrl_c_during_an_evaluation_changes_no_number(tmp_path, monkeypatch, call):
+    from hprs.training.sb3 import recorder
+
+    calls, evaluate = 0, recorder.evaluate
+
+    def interrupting(*arguments):
+        nonlocal calls
+        calls += 1
+        if calls == call + 1:
+            signal.raise_signal(signal.SIGINT)
+        return evaluate(*arguments)
+
+    whole = trained(ppo(), tmp_path / "whole")
+    [run] = create_runs([ppo()], tmp_path / "pieces")
+    monkeypatch.setattr(recorder, "evaluate", interrupting)
+    assert not sb3.train(run)
+    assert sb3.train(run)
+    assert same_numbers(whole, run)
