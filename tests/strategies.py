@@ -16,8 +16,6 @@ from hypothesis.strategies import DrawFn, SearchStrategy
 
 from hprs.errors import SpecValidationError
 from hprs.spec.expression import (
-    FUNCTIONS,
-    REDUCTIONS,
     And,
     Binary,
     Call,
@@ -34,7 +32,6 @@ from hprs.spec.expression import (
 from hprs.spec.inference import Inferred, infer
 from hprs.spec.interval import Interval
 from hprs.spec.task import (
-    CLASSES,
     Constant,
     Definition,
     Preference,
@@ -43,6 +40,7 @@ from hprs.spec.task import (
     Source,
     Task,
 )
+from hprs.spec.vocabulary import CLASSES, FUNCTIONS, REDUCTIONS
 
 Known = dict[str, Inferred]
 

@@ -5,8 +5,10 @@ HprsError
 ├── SpecError (ValueError)          a task is wrong; carries file, line, column and a caret
 │   ├── SpecSyntaxError             the text does not follow the grammar
 │   └── SpecValidationError         the text is well formed and its meaning is not
+│       └── SpecTypeError (TypeError)   a Python object of the wrong kind stands in a task
 ├── SignalError (ValueError)        a signal is missing, misshapen or NaN at run time
 ├── TraceError (ValueError)         a recorded trace cannot be assessed
+├── PolicyError (ValueError)        a policy fails, or does not fit the environment
 ├── RunError (RuntimeError)         a run directory cannot be read, written or resumed
 └── UsageError (ValueError)         an unknown name or option; the message lists what exists
     └── MissingExtraError           an optional dependency is not installed
@@ -15,13 +17,11 @@ HprsError
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 
-@dataclass(frozen=True)
-class Position:
+class Position(NamedTuple):
     """A stretch of one line of a task's text; lines and columns count from 1."""
 
     line: int
@@ -82,12 +82,20 @@ class SpecValidationError(SpecError):
     """The task is well formed, but what it says cannot be meant."""
 
 
+class SpecTypeError(SpecValidationError, TypeError):
+    """A Python object of the wrong kind stands where a part of a task is expected."""
+
+
 class SignalError(HprsError, ValueError):
     """A signal is missing, has the wrong shape or is NaN."""
 
 
 class TraceError(HprsError, ValueError):
     """A recorded trace cannot be assessed."""
+
+
+class PolicyError(HprsError, ValueError):
+    """A policy fails, or does not fit the environment."""
 
 
 class RunError(HprsError, RuntimeError):
@@ -109,6 +117,9 @@ class MissingExtraError(UsageError, ImportError):
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """A sentence that suggests the closest known name, or an empty string."""
+    # Only mistakes need it, and it costs a millisecond to import.
+    import difflib
+
     # Its cost grows with number times squared length, and a text may be hostile.
     comparable = [candidate for candidate in known if len(candidate) <= 40][:1000]
     close = difflib.get_close_matches(name[:40], comparable, n=1, cutoff=0.6)

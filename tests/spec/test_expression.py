@@ -4,11 +4,13 @@ import copy
 import math
 import pickle
 from collections.abc import Callable
+from decimal import Decimal
+from fractions import Fraction
 
 import numpy as np
 import pytest
 
-from hprs.errors import SpecValidationError
+from hprs.errors import SpecTypeError, SpecValidationError
 from hprs.spec.expression import (
     MAX_DEPTH,
     And,
@@ -112,10 +114,28 @@ def test_python_numbers_become_expressions(value: float, expression: Expression)
     assert as_expression(value) == expression
 
 
-@pytest.mark.parametrize("value", ["x", None, True, 1j, [1.0]])
+@pytest.mark.parametrize(
+    "value", ["x", None, True, np.bool_(True), 1j, [1.0], np.zeros(2), Decimal(1), X <= 1]
+)
 def test_other_python_values_do_not(value: object) -> None:
-    with pytest.raises(TypeError, match="Expected a number or an expression"):
-        as_expression(value)  # type: ignore[arg-type]
+    for build in (as_expression, X.__add__, X.__le__):
+        with pytest.raises(SpecTypeError, match="expected a number or an expression, got"):
+            build(value)  # type: ignore[arg-type]
+
+
+def test_an_array_meets_an_operand_as_a_whole() -> None:
+    with pytest.raises(SpecTypeError, match="expected a number or an expression, got array"):
+        _ = np.zeros(2) * X  # type: ignore[operator]
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64, np.int64, np.uint8, Fraction])
+def test_every_real_number_is_a_number_on_both_sides(kind: Callable[[int], float]) -> None:
+    two = kind(2)
+    assert as_expression(two) == Number(2.0)
+    assert two * X == 2 * X  # type: ignore[operator]
+    assert X**two == X**2
+    assert (two <= X) == (two <= X) == (X >= 2)  # type: ignore[operator]
+    assert Signal("x", two, 3).low == Number(2.0)
 
 
 def test_nan_and_integers_beyond_the_floats_are_refused() -> None:
@@ -141,10 +161,44 @@ def test_malformed_nodes_are_refused(build: Callable[[], object], message: str) 
         build()
 
 
+@pytest.mark.parametrize(
+    "build",
+    [
+        lambda: (X <= 1) & (X == 1),
+        lambda: (X == 1) & (X <= 1),
+        lambda: (X <= 1) | (X == 1),
+        lambda: (X == 1) | (X <= 1),
+        lambda: And((X <= 1, False)),  # type: ignore[arg-type]
+    ],
+)
+def test_an_equality_is_no_part_of_a_predicate(build: Callable[[], object]) -> None:
+    with pytest.raises(SpecTypeError, match=r"got False. There is no ==.*abs\(a - b\) <= tol"):
+        build()
+
+
+def test_an_expression_is_no_part_of_a_predicate() -> None:
+    with pytest.raises(SpecTypeError, match=r"need a comparison such as x <= 1, got Binary\("):
+        _ = (X <= 1) & (X + 1)  # type: ignore[operator]
+
+
+@pytest.mark.parametrize(
+    "build",
+    [
+        lambda: Comparison(Signal("x", 0, 1), "<=", Number(1.0)),  # type: ignore[arg-type]
+        lambda: Negate(1.0),  # type: ignore[arg-type]
+        lambda: Binary("+", X, "y"),  # type: ignore[arg-type]
+        lambda: Call("abs", (1,)),  # type: ignore[arg-type]
+    ],
+)
+def test_a_node_has_nodes_below_it(build: Callable[[], object]) -> None:
+    with pytest.raises(SpecTypeError, match=r"needs expressions, got .* Build it with operators"):
+        build()
+
+
 def test_a_predicate_is_no_truth_value() -> None:
-    with pytest.raises(TypeError, match="no truth value"):
+    with pytest.raises(SpecTypeError, match="no truth value"):
         bool(X <= 1)
-    with pytest.raises(TypeError, match="no truth value"):
+    with pytest.raises(SpecTypeError, match="no truth value"):
         _ = 0 <= X <= 1  # type: ignore[operator]
 
 

@@ -16,10 +16,10 @@ from pathlib import Path
 import pytest
 
 from hprs.errors import SpecError
-from hprs.spec.expression import FUNCTIONS
 from hprs.spec.json_format import task_from_json, task_to_json
 from hprs.spec.parser import load_task, parse_task
 from hprs.spec.printer import format_task
+from hprs.spec.vocabulary import FUNCTIONS
 from tests.spec.malformed import MALFORMED
 
 VALID = (

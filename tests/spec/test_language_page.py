@@ -6,10 +6,11 @@ from pathlib import Path
 import pytest
 
 from hprs.errors import SpecError
-from hprs.spec import parser
-from hprs.spec.expression import FUNCTIONS, MAX_DEPTH
+from hprs.spec import parser, task_file
+from hprs.spec.expression import MAX_DEPTH
 from hprs.spec.parser import parse_task
-from hprs.spec.task import KEYWORDS, MAX_REQUIREMENTS, Task
+from hprs.spec.task import MAX_REQUIREMENTS, Task
+from hprs.spec.vocabulary import FUNCTIONS, KEYWORDS
 
 PAGE = (Path(__file__).parents[2] / "docs" / "language.md").read_text("utf-8")
 
@@ -46,7 +47,7 @@ def test_every_function_and_keyword_is_on_the_page() -> None:
 
 def test_the_limits_on_the_page_are_those_of_the_code() -> None:
     for limit in (
-        f"{parser.MAX_BYTES:,} bytes",
+        f"{task_file.MAX_BYTES:,} bytes",
         f"{parser.MAX_WORDS:,} words",
         f"{MAX_REQUIREMENTS} requirements",
         f"{MAX_REQUIREMENTS} preferences",

@@ -15,7 +15,6 @@ import torch
 from hprs.spec.namespace import (
     array_operations,
     as_floating,
-    as_number,
     both,
     either,
     float_operations,
@@ -146,9 +145,6 @@ def test_selecting_by_a_truth_value_or_by_an_array() -> None:
 
 
 def test_truth_values() -> None:
-    assert (as_number(True), as_number(False)) == (1.0, 0.0)
-    assert type(as_number(True)) is float
-    assert as_number(np.asarray([True, False])).tolist() == [1.0, 0.0]
     assert both(True, False) is False
     assert either(True, False) is True
     assert both(np.asarray([True, False]), True).tolist() == [True, False]

@@ -8,7 +8,8 @@ from hypothesis import given
 from hprs.errors import SpecValidationError
 from hprs.spec.expression import Name
 from hprs.spec.order import order_of
-from hprs.spec.task import Kind, Preference, Requirement, Signal, Task
+from hprs.spec.task import Preference, Requirement, Signal, Task
+from hprs.spec.vocabulary import Kind
 from tests.strategies import tasks
 
 KINDS: tuple[Kind, ...] = ("ensure", "ensure", "achieve", "encourage", "encourage")

@@ -13,8 +13,9 @@ import pytest
 
 from hprs.errors import Position, SpecError, SpecSyntaxError, SpecValidationError
 from hprs.spec.expression import And, Binary, Call, Comparison, Expression, Name, Negate, Number, Or
-from hprs.spec.parser import MAX_BRACKETS, MAX_BYTES, MAX_WORDS, load_task, parse_task
+from hprs.spec.parser import MAX_BRACKETS, MAX_WORDS, load_task, parse_task
 from hprs.spec.task import Constant, Definition, Preference, Requirement, Signal, Source, Task
+from hprs.spec.task_file import MAX_BYTES
 from tests.spec.malformed import MALFORMED, Malformed, render
 
 ROOT = Path(__file__).parents[2]

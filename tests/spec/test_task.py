@@ -5,13 +5,26 @@ import pickle
 import subprocess
 import sys
 from collections.abc import Callable
+from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 
-from hprs.errors import MissingExtraError, Position, SpecError, SpecValidationError, did_you_mean
+from hprs.errors import (
+    MissingExtraError,
+    Position,
+    SpecError,
+    SpecTypeError,
+    SpecValidationError,
+    UsageError,
+    did_you_mean,
+)
+from hprs.rewards.registry import make_reward
+from hprs.semantics.plan import plan_of
 from hprs.spec.expression import Name, Number
 from hprs.spec.parser import parse_task
+from hprs.spec.printer import format_task
 from hprs.spec.task import (
     MAX_REQUIREMENTS,
     Constant,
@@ -87,6 +100,97 @@ def test_margins_and_potential_of_a_state_are_at_hand() -> None:
     task = parse_task("signal x in [0, 4]\nconquer far: x >= 2")
     assert task.margins({"x": 1.0}) == {"far": -1.0}
     assert task.potential({"x": 1.0}) == 0.5
+
+
+PARKING = """signal x in [-3, 3]
+const mark = 1
+const width = 0.25
+let off = abs(x - mark)
+conquer parked: off <= width
+"""
+
+
+def test_constants_are_parameters() -> None:
+    task = parse_task(PARKING)
+    other = task.with_constants(mark=-1.0, width=np.float32(0.5))
+    assert other == parse_task(PARKING.replace("mark = 1", "mark = -1").replace("0.25", "0.5"))
+    assert other.bounds == {"parked": (-3.5, 0.5)}
+    assert other.margins({"x": -1.25}) == {"parked": 0.25}
+    assert task.bounds == {"parked": (-3.75, 0.25)}
+    assert task.with_constants() == task
+    assert format_task(task.with_constants(mark=Number(90.0) * Name("deg"))).startswith(
+        "const mark = 90 deg\nconst width = 0.25\n"
+    )
+
+
+def test_a_task_with_other_constants_is_checked_anew() -> None:
+    task = parse_task(PARKING)
+    assert task.remarks == ()
+    assert "always satisfied" in task.with_constants(width=9).remarks[0].message
+    with pytest.raises(SpecValidationError, match="'parked' can never be satisfied") as caught:
+        task.with_constants(width=-1)
+    assert caught.value.position == Position(5, 9, 6)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"markk": 1.0}, "the task has no constant 'markk'. Did you mean 'mark'?"),
+        ({"off": 1.0}, "the task has no constant 'off'. It has mark, width."),
+        ({"self": 1.0}, "the task has no constant 'self'."),
+        ({"mark": float("nan")}, "finite"),
+        ({"mark": float("inf")}, "inf may stand only at the end of a range"),
+        ({"mark": Name("x")}, "unknown name 'x'|used before its declaration"),
+        ({"mark": True}, "expected a number or an expression, got True"),
+        ({"mark": "1"}, "expected a number or an expression, got '1'"),
+    ],
+)
+def test_constants_that_a_task_cannot_have(values: dict[str, Any], message: str) -> None:
+    with pytest.raises(SpecValidationError, match=message):
+        parse_task(PARKING).with_constants(**values)
+    with pytest.raises(SpecValidationError, match=r"no constant 'mark'\. It has none\."):
+        parse_task("signal x in [0, 1]").with_constants(mark=1)
+
+
+@pytest.mark.parametrize(
+    ("build", "message"),
+    [
+        (lambda: Requirement("ensure", "near", X == 1), "requirement 'near' needs a comparison"),
+        (lambda: Requirement("ensure", "near", X + 1), "needs a comparison such as x <= 1, got"),
+        (lambda: Requirement("ensure", "near", "x <= 1"), "A text is read by hprs.parse_task"),
+        (lambda: Task(requirements=["ensure near: x <= 1"]), "got 'ensure near: x <= 1'"),
+        (lambda: Task(requirements=X <= 1), "the requirements of a task are a list"),
+        (lambda: Task("task.hprs"), "got 'task.hprs'.*a file by hprs.load_task"),
+        (lambda: Task(signals=Signal("x", 0, 1)), r"as in \[Signal\(\"x\", -1, 1\)\]; got Signal"),
+        (lambda: Task(signals=[X]), "got Name"),
+        (lambda: Task(constants={"mark": 1.0}), "got {'mark': 1.0}"),
+        (lambda: Task(preferences=[("a", "b")]), r"got \('a', 'b'\)"),
+        (lambda: Preference(Requirement("ensure", "a", X <= 1), "b"), "names two labels"),
+        (lambda: Signal("x", 0, 1, source="obs[0]"), "source of signal 'x' is written Source"),
+        (lambda: Signal("x", 0, 1, length="3"), "the length of signal 'x' is written 3, got '3'"),
+        (lambda: Signal("x", 0, 1, length=True), "got True"),
+        (lambda: Signal("x", 0, 1, unit=None), "the unit of signal 'x' is written"),
+        (lambda: Task([Signal(7, 0, 1)]), "a name is a text, got 7"),
+        (
+            lambda: Signal("x", [0] * 99, 1),
+            r"expected a number or an expression, got \[0, .*\.\.\.",
+        ),
+    ],
+)
+def test_python_objects_of_the_wrong_kind_are_named(
+    build: Callable[[], object], message: str
+) -> None:
+    with pytest.raises(SpecTypeError, match=message):
+        build()
+
+
+@pytest.mark.parametrize("value", ["task.hprs", {"a": 1}, None])
+def test_where_a_task_is_needed_nothing_else_will_do(value: Any) -> None:
+    for use in (plan_of, lambda task: make_reward("hprs", task)):
+        with pytest.raises((UsageError, TypeError)) as caught:
+            use(value)
+    assert "a Task is needed here" in str(caught.value)
+    assert "hprs.load_task(path)" in str(caught.value)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from hprs.rewards.base import Reward
 from hprs.rewards.environment import EnvironmentReward
 from hprs.rewards.hierarchical import DEFAULT_END, End, Hierarchical, check_convention
 from hprs.rewards.sparse import Sparse
-from hprs.spec.task import Task
+from hprs.spec.task import Task, require_task
 
 Factory = Callable[[Task, End, float | None], Reward]
 
@@ -36,7 +36,8 @@ def make_reward(
         discount: The learner's discount; `end="invariant"` needs it.
 
     Raises:
-        UsageError: The name or the convention is unknown, or the discount is missing.
+        UsageError: The name or the convention is unknown, the discount is missing, or what is
+            given as the task is none.
     """
     if name not in REWARDS:
         raise UsageError(
@@ -44,4 +45,4 @@ def make_reward(
             f"{did_you_mean(name, REWARDS)}"
         )
     check_convention(end, discount)
-    return REWARDS[name](task, end, discount)
+    return REWARDS[name](require_task(task), end, discount)

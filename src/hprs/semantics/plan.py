@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from hprs.spec.compiler import Margins, compile_margins, used_signals
 from hprs.spec.expression import And, Comparison, Predicate, comparisons
-from hprs.spec.task import Requirement, Task
+from hprs.spec.task import Requirement, Task, require_task
 
 T = TypeVar("T")
 
@@ -55,7 +55,7 @@ class Plan:
     """
 
     def __init__(self, task: Task) -> None:
-        self.task = task
+        self.task = require_task(task)
         by_class = {"safety": 0, "target": 1, "comfort": 2}
         self.rows: tuple[Requirement, ...] = tuple(
             sorted(task.requirements, key=lambda r: by_class[r.requirement_class])

@@ -9,19 +9,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
-from hprs.errors import Position, SpecValidationError
+from hprs.errors import Position, SpecTypeError, SpecValidationError
 from hprs.spec import interval
 from hprs.spec.expression import And, Comparison, Expression, Name, Negate, Predicate, comparisons
 from hprs.spec.inference import Inferred, UnknownNameError, evaluate_constant, infer
 from hprs.spec.interval import DomainError, Interval
 from hprs.spec.lint import judge, judge_whole
-from hprs.spec.task import ENV_REWARD, RESERVED, Definition, Remark, Requirement, Signal, Task
+from hprs.spec.misuse import shown
+from hprs.spec.statements import Definition, Requirement, Signal
+from hprs.spec.task import Remark, Task
+from hprs.spec.vocabulary import ENV_REWARD, RESERVED
 
 
-@dataclass(frozen=True)
-class Analysis:
+class Analysis(NamedTuple):
     """Everything derived from a task's text."""
 
     known: Mapping[str, Inferred]
@@ -99,6 +101,8 @@ class _Later:
 
 
 def _check_name(name: str, taken: Mapping[str, object], position: Position | None) -> None:
+    if not isinstance(name, str):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise SpecTypeError(f"a name is a text, got {shown(name)}.", position)
     if name == ENV_REWARD:
         raise SpecValidationError(
             f"'{name}' is reserved for the environment's own reward.", position

@@ -9,7 +9,6 @@ from __future__ import annotations
 import operator
 from collections import Counter
 from collections.abc import Callable, Mapping, MutableMapping, Sequence
-from dataclasses import dataclass
 from functools import lru_cache, reduce
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -17,7 +16,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hprs.spec.expression import (
-    REDUCTIONS,
     Binary,
     BinaryOperator,
     Comparison,
@@ -31,6 +29,7 @@ from hprs.spec.expression import (
 from hprs.spec.inference import Inferred, infer
 from hprs.spec.namespace import Array, Operations, array_operations, float_operations
 from hprs.spec.task import Task
+from hprs.spec.vocabulary import REDUCTIONS
 
 Values = MutableMapping[str, Array]
 Function = Callable[[Values], Array]
@@ -233,8 +232,7 @@ def _arithmetic(
     return table[symbol]
 
 
-@dataclass(frozen=True)
-class Margins:
+class Margins(NamedTuple):
     """Margin functions of some comparisons over one kind of numbers.
 
     The margin of a comparison without signals is a Python float, whatever the batch.

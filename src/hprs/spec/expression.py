@@ -10,12 +10,14 @@ Nodes know the place in the text they came from (`position`); it does not count 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from types import MappingProxyType
+from numbers import Real
 from typing import Literal, TypeAlias, cast
 
-from hprs.errors import Position, SpecValidationError
+from hprs.errors import Position, SpecTypeError, SpecValidationError
+from hprs.spec.misuse import not_a_predicate, not_an_expression, shown
+from hprs.spec.vocabulary import BUILTIN_CONSTANTS, FUNCTIONS
 
 MAX_DEPTH = 100
 """Deepest nesting of an expression; it keeps every recursion over one shallow."""
@@ -23,41 +25,14 @@ MAX_DEPTH = 100
 BinaryOperator: TypeAlias = Literal["+", "-", "*", "/", "**"]
 Relation: TypeAlias = Literal["<=", "<", ">=", ">"]
 
-BUILTIN_CONSTANTS: Mapping[str, float] = MappingProxyType(
-    {"pi": math.pi, "deg": math.pi / 180.0, "inf": math.inf}
-)
-"""Constants that every task knows; `inf` may stand only at the end of a range."""
-
-FUNCTIONS: Mapping[str, tuple[int, int | None]] = MappingProxyType(
-    {
-        "abs": (1, 1),
-        "min": (1, None),
-        "max": (1, None),
-        "sum": (1, None),
-        "mean": (1, None),
-        "norm": (1, None),
-        "clip": (3, 3),
-        "sqrt": (1, 1),
-        "exp": (1, 1),
-        "log": (1, 1),
-        "sin": (1, 1),
-        "cos": (1, 1),
-        "tan": (1, 1),
-        "atan2": (2, 2),
-        "hypot": (2, 2),
-        "sign": (1, 1),
-    }
-)
-"""Function names with their smallest and largest number of arguments."""
-
-REDUCTIONS = frozenset({"min", "max", "sum", "mean", "norm"})
-"""Functions that reduce one vector, or compare several scalars."""
-
 ExpressionLike: TypeAlias = "Operand | float"
 
 
 class Operand:
     """What arithmetic and comparison operators accept; gives them their Python spelling."""
+
+    # NumPy's scalars leave operations with an operand to the operand.
+    __array_ufunc__ = None
 
     def expression(self) -> Expression:
         """This operand as an expression."""
@@ -134,7 +109,12 @@ def _depth_field() -> int:
 
 
 def _set_depth(node: Expression | Predicate, *children: Expression | Predicate) -> None:
-    depth = 1 + max((child.depth for child in children), default=0)
+    try:
+        depth = 1 + max((child.depth for child in children), default=0)
+    except AttributeError:
+        nodes = Expression | Predicate
+        wrong = next(child for child in children if not isinstance(child, nodes))  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise not_an_expression(type(node).__name__, wrong) from None
     if depth > MAX_DEPTH:
         raise SpecValidationError(
             f"this expression is nested deeper than {MAX_DEPTH} levels. "
@@ -263,10 +243,18 @@ class _Connectable:
         """Disjunction."""
         return Or((_predicate(self), other))
 
+    def __rand__(self, other: object) -> And:
+        """Teach: the left side is no predicate."""
+        raise not_a_predicate("& needs", other)
+
+    def __ror__(self, other: object) -> Or:
+        """Teach: the left side is no predicate."""
+        raise not_a_predicate("| needs", other)
+
     def __bool__(self) -> bool:
         """Teach: a chain `a <= x <= b` or `and` would drop one half."""
-        raise TypeError(
-            "A predicate has no truth value. Write (a <= x) & (x <= b) for a chain, & for and, "
+        raise SpecTypeError(
+            "a predicate has no truth value. Write (a <= x) & (x <= b) for a chain, & for and, "
             "| for or."
         )
 
@@ -334,6 +322,8 @@ Predicate: TypeAlias = Comparison | And | Or
 def _flatten(node: And | Or, kind: type[And] | type[Or]) -> None:
     parts: list[Predicate] = []
     for part in node.parts:
+        if not isinstance(part, _Connectable):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise not_a_predicate("and / or need", part)
         parts.extend(part.parts if isinstance(part, kind) else (part,))
     if len(parts) < 2:
         raise SpecValidationError("and / or need at least two parts.", node.position)
@@ -346,12 +336,12 @@ def as_expression(value: ExpressionLike) -> Expression:
 
     Raises:
         SpecValidationError: The value is NaN, or an integer too large for a float.
-        TypeError: The value is neither a number nor an operand.
+        SpecTypeError: The value is neither a number nor an operand.
     """
     if isinstance(value, Operand):
         return value.expression()
-    if isinstance(value, bool) or not isinstance(value, int | float):  # pyright: ignore[reportUnnecessaryIsInstance]
-        raise TypeError(f"Expected a number or an expression, got {value!r}.")
+    if isinstance(value, bool) or not isinstance(value, Real):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise SpecTypeError(f"expected a number or an expression, got {shown(value)}.")
     try:
         number = float(value)
     except OverflowError:
@@ -379,17 +369,17 @@ def names(node: Expression | Predicate) -> frozenset[str]:
 
 def mentions(node: Expression | Predicate) -> Iterator[str]:
     """Every mention of a name in an expression or predicate, builtin constants left out."""
-    match node:
-        case Number():
-            return
-        case Name(name):
-            if name not in BUILTIN_CONSTANTS:
-                yield name
-        case Negate(operand):
-            yield from mentions(operand)
-        case Binary(_, left, right) | Comparison(left, _, right):
-            yield from mentions(left)
-            yield from mentions(right)
-        case _:
-            for part in node.arguments if isinstance(node, Call) else node.parts:
-                yield from mentions(part)
+    waiting: list[Expression | Predicate] = [node]
+    while waiting:
+        match part := waiting.pop():
+            case Number():
+                pass
+            case Name(name):
+                if name not in BUILTIN_CONSTANTS:
+                    yield name
+            case Negate(operand):
+                waiting.append(operand)
+            case Binary(_, left, right) | Comparison(left, _, right):
+                waiting += (left, right)
+            case _:
+                waiting += part.arguments if isinstance(part, Call) else part.parts

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from hprs.errors import Position, SpecValidationError, did_you_mean
 from hprs.spec import interval
 from hprs.spec.expression import (
-    BUILTIN_CONSTANTS,
-    REDUCTIONS,
     Binary,
     Call,
     Expression,
@@ -19,10 +17,10 @@ from hprs.spec.expression import (
     Number,
 )
 from hprs.spec.interval import DomainError, Interval
+from hprs.spec.vocabulary import BUILTIN_CONSTANTS, REDUCTIONS
 
 
-@dataclass(frozen=True)
-class Inferred:
+class Inferred(NamedTuple):
     """What is known of an expression: its range, its length (None: scalar), if it is constant."""
 
     range: Interval

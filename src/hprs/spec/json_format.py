@@ -12,7 +12,6 @@ from typing import TypeAlias, TypeVar, cast
 
 from hprs.errors import SpecError, SpecValidationError, did_you_mean
 from hprs.spec.expression import (
-    FUNCTIONS,
     MAX_DEPTH,
     And,
     Binary,
@@ -28,16 +27,15 @@ from hprs.spec.expression import (
     Relation,
 )
 from hprs.spec.task import (
-    CLASSES,
     Constant,
     Definition,
-    Kind,
     Preference,
     Requirement,
     Signal,
     Source,
     Task,
 )
+from hprs.spec.vocabulary import CLASSES, FUNCTIONS, Kind
 
 FORMAT = 1
 """Version of the format; a reader refuses any other."""

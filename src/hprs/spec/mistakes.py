@@ -9,15 +9,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from types import MappingProxyType
+from typing import NamedTuple
 
 from hprs.errors import Position, SpecSyntaxError, did_you_mean
-from hprs.spec.expression import FUNCTIONS
-from hprs.spec.task import CLASSES, KEYWORDS, RESERVED, ROOTS
-
-STATEMENTS = ("signal", "const", "let", *CLASSES, "prefer")
-"""The words that start a statement."""
+from hprs.spec.vocabulary import CLASSES, FUNCTIONS, KEYWORDS, RESERVED, ROOTS, STATEMENTS
 
 _EQUALITY = "abs(a - b) <= tolerance."
 _PASTED = "It is not the plain sign it looks like; type it again."
@@ -65,8 +61,7 @@ _SYMBOLS: Mapping[str, str] = MappingProxyType(
 )
 
 
-@dataclass(frozen=True)
-class Word:
+class Word(NamedTuple):
     """A piece of the text: a name, a keyword, a number, a unit, a sign or the end of the line."""
 
     text: str

@@ -7,16 +7,17 @@ the pairs that `prefer` adds; the order is their transitive closure.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from hprs.errors import SpecValidationError, did_you_mean
-from hprs.spec.task import Preference, RequirementClass, Task
+from hprs.spec.statements import Preference
+from hprs.spec.task import Task
+from hprs.spec.vocabulary import RequirementClass
 
 _RANK: Mapping[RequirementClass, int] = {"safety": 0, "target": 1, "comfort": 2}
 
 
-@dataclass(frozen=True)
-class Order:
+class Order(NamedTuple):
     """`above[label]` holds the labels of all strictly more important requirements."""
 
     above: Mapping[str, frozenset[str]]
@@ -30,7 +31,10 @@ def order_of(task: Task) -> Order:
             a cycle.
     """
     rank = {r.label: _RANK[r.requirement_class] for r in task.requirements}
-    above = {label: {other for other in rank if rank[other] < rank[label]} for label in rank}
+    higher_ranks = {
+        own: {label for label in rank if rank[label] < own} for own in set(rank.values())
+    }
+    above = {label: set(higher_ranks[own]) for label, own in rank.items()}
     for preference in task.preferences:
         _check(preference, rank)
         higher, lower = preference.higher, preference.lower

@@ -2,18 +2,15 @@
 # (lark annotates only parts of what is used here.)
 """From the text of a task to a `Task`, and nothing of the text is ever executed.
 
-The only module that imports lark. The parse tree is never built: lark's LALR parser calls
+The parse tree is never built: lark's LALR parser calls
 `_Builder` at each reduction, so that nothing recurses on what a user wrote.
 """
 
 from __future__ import annotations
 
-import codecs
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache
-from importlib import resources
-from pathlib import Path
 from typing import TypeAlias, cast
 
 from lark import Lark, Token, Transformer, v_args
@@ -34,21 +31,12 @@ from hprs.spec.expression import (
     Predicate,
     Relation,
 )
-from hprs.spec.mistakes import STATEMENTS, Word, explain, explain_symbol
-from hprs.spec.task import (
-    KEYWORDS,
-    Constant,
-    Definition,
-    Kind,
-    Preference,
-    Requirement,
-    Signal,
-    Source,
-    Task,
-)
+from hprs.spec.grammar import load_grammar
+from hprs.spec.statements import Constant, Definition, Preference, Requirement, Signal, Source
+from hprs.spec.task import Task
+from hprs.spec.task_file import normalised, read_text
+from hprs.spec.vocabulary import KEYWORDS, STATEMENTS, Kind
 
-MAX_BYTES = 1_000_000
-"""Largest text, in bytes of UTF-8."""
 MAX_WORDS = 20_000
 """Most words, numbers and signs in a text."""
 MAX_BRACKETS = 200
@@ -71,14 +59,7 @@ def load_task(path: str | os.PathLike[str]) -> Task:
     Raises:
         SpecError: The file cannot be read, or is not a task.
     """
-    name = os.fspath(path)
-    try:
-        with Path(path).open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise SpecError(f"this task cannot be read: {reason}.", path=name) from None
-    return parse_task(_decode(data, name), path=name)
+    return parse_task(read_text(path), path=os.fspath(path))
 
 
 def parse_task(text: str, *, path: str | None = None) -> Task:
@@ -92,45 +73,12 @@ def parse_task(text: str, *, path: str | None = None) -> Task:
         SpecSyntaxError: The text does not follow the grammar.
         SpecValidationError: What it says cannot be meant; see `Task`.
     """
-    if len(text.encode("utf-8", "surrogatepass")) > MAX_BYTES:
-        raise SpecError(_too_large(), path=path)
-    text = text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
     try:
-        _refuse_nul(text)
+        text = normalised(text)
         return _parse(text)
     except SpecError as error:
-        error.text, error.path = text, path
+        error.text, error.path = error.text or text, path
         raise
-
-
-def _decode(data: bytes, path: str) -> str:
-    if len(data) > MAX_BYTES:
-        raise SpecError(_too_large(), path=path)
-    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        raise SpecError("this file is encoded as UTF-16. Save it as UTF-8.", path=path)
-    try:
-        return data.decode("utf-8")
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        raise SpecError(
-            f"line {line} holds the byte 0x{data[error.start]:02X}, which is not UTF-8. "
-            "Save the file as UTF-8.",
-            path=path,
-        ) from None
-
-
-def _refuse_nul(text: str) -> None:
-    before, nul, _ = text.partition("\0")
-    if nul:
-        column = len(before) - before.rfind("\n")
-        raise SpecSyntaxError(
-            "this is a NUL character; the file is damaged or not a text.",
-            Position(before.count("\n") + 1, column),
-        )
-
-
-def _too_large() -> str:
-    return f"a task may have {MAX_BYTES} bytes, and this one has more."
 
 
 def _parse(text: str) -> Task:
@@ -140,7 +88,7 @@ def _parse(text: str) -> Task:
         try:
             session.feed_token(token)
         except UnexpectedToken:
-            raise explain([_word(part) for part in statement], _word(token)) from None
+            raise _mistake(statement, token) from None
         if token.type == "_NEWLINE":
             statement.clear()
         else:
@@ -150,10 +98,7 @@ def _parse(text: str) -> Task:
 
 @cache
 def _lark() -> Lark:
-    grammar = resources.files("hprs.spec").joinpath("grammar.lark").read_text("utf-8")
-    return Lark(
-        grammar, parser="lalr", lexer="basic", transformer=_Builder(), maybe_placeholders=True
-    )
+    return load_grammar(_Builder())
 
 
 def _filtered(tokens: Iterable[Token]) -> Iterator[Token]:
@@ -181,36 +126,44 @@ def _filtered(tokens: Iterable[Token]) -> Iterator[Token]:
 
 def _checked(token: Token, last: Token | None, opened: list[Token]) -> Token:
     """The token, with the brackets that are open after it."""
-    match token.type:
-        case "MISTAKE" | "UNKNOWN":
-            raise explain_symbol(str(token), _at(token))
-        case "LPAR" | "LSQB":
-            opened.append(token)
-            if len(opened) > MAX_BRACKETS:
-                raise SpecSyntaxError(
-                    f"brackets are nested deeper than {MAX_BRACKETS} levels. "
-                    "Give the parts names with `let`.",
-                    _at(token),
-                )
-        case "CLOSE" | "RSQB":
-            _close(token, opened)
-        case "NUMBER":
-            if len(token) > MAX_DIGITS:
-                raise SpecSyntaxError(
-                    f"a number may have {MAX_DIGITS} digits, and this one has {len(token)}.",
-                    _at(token),
-                )
-        case "NAME" if len(token) > MAX_NAME:
-            raise SpecSyntaxError(
-                f"a name may have {MAX_NAME} characters, and this one has {len(token)}.",
-                _at(token),
-            )
-        case _:
-            if last is not None and last.type == "DOT" and token in KEYWORDS:
-                return Token.new_borrow_pos("NAME", token, token)
-            if opened and token in STATEMENTS:
-                raise _unclosed(opened[-1])
+    check = _CHECKS.get(token.type)
+    if check is not None:
+        check(token, opened)
+    elif last is not None and last.type == "DOT" and token in KEYWORDS:
+        return Token.new_borrow_pos("NAME", token, token)
+    elif opened and token in STATEMENTS:
+        raise _unclosed(opened[-1])
     return token
+
+
+def _refuse(token: Token, _: list[Token]) -> None:
+    from hprs.spec.mistakes import explain_symbol
+
+    raise explain_symbol(str(token), _at(token))
+
+
+def _check_name(token: Token, _: list[Token]) -> None:
+    if len(token) > MAX_NAME:
+        raise SpecSyntaxError(
+            f"a name may have {MAX_NAME} characters, and this one has {len(token)}.", _at(token)
+        )
+
+
+def _check_number(token: Token, _: list[Token]) -> None:
+    if len(token) > MAX_DIGITS:
+        raise SpecSyntaxError(
+            f"a number may have {MAX_DIGITS} digits, and this one has {len(token)}.", _at(token)
+        )
+
+
+def _open(token: Token, opened: list[Token]) -> None:
+    opened.append(token)
+    if len(opened) > MAX_BRACKETS:
+        raise SpecSyntaxError(
+            f"brackets are nested deeper than {MAX_BRACKETS} levels. "
+            "Give the parts names with `let`.",
+            _at(token),
+        )
 
 
 def _close(token: Token, opened: list[Token]) -> None:
@@ -225,6 +178,19 @@ def _close(token: Token, opened: list[Token]) -> None:
         )
 
 
+# A table, not a chain of comparisons: lark's names of token kinds compare slowly.
+_CHECKS: Mapping[str, Callable[[Token, list[Token]], None]] = {
+    "MISTAKE": _refuse,
+    "UNKNOWN": _refuse,
+    "NAME": _check_name,
+    "NUMBER": _check_number,
+    "LPAR": _open,
+    "LSQB": _open,
+    "CLOSE": _close,
+    "RSQB": _close,
+}
+
+
 def _unclosed(opener: Token) -> SpecSyntaxError:
     return SpecSyntaxError(f"this '{opener}' is never closed.", _at(opener))
 
@@ -237,8 +203,12 @@ def _at(token: Token) -> Position:
     return Position(token.line or 1, token.column or 1, len(token))
 
 
-def _word(token: Token) -> Word:
-    return Word(str(token), _at(token))
+def _mistake(statement: Sequence[Token], found: Token) -> SpecSyntaxError:
+    # Its many messages are loaded when one is needed.
+    from hprs.spec.mistakes import Word, explain
+
+    *before, last = (Word(str(token), _at(token)) for token in (*statement, found))
+    return explain(before, last)
 
 
 def _span(first: Position | None, last: Position | None) -> Position | None:
@@ -303,8 +273,8 @@ class _Builder(Transformer[Token, Task]):
             position=_at(name),
         )
 
-    def length(self, digits: Token) -> int:
-        return _whole(digits)
+    def length(self, digits: Token | None) -> int | None:
+        return None if digits is None else _whole(digits)
 
     def source(self, root: Token, *rest: Token | int | _Slice) -> Source:
         keys = tuple(str(part) for part in rest if isinstance(part, Token))
@@ -320,8 +290,8 @@ class _Builder(Transformer[Token, Task]):
     def integer(self, sign: Token | None, digits: Token) -> int:
         return _whole(digits, sign)
 
-    def initially(self, value: _Value) -> Expression:
-        return _number(value)
+    def initially(self, value: _Value | None) -> Expression | None:
+        return None if value is None else _number(value)
 
     def range(self, low: _Value, high: _Value) -> tuple[Expression, Expression]:
         return (_number(low), _number(high))
