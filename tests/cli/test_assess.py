@@ -1,6 +1,9 @@
+import errno
 import json
 
 import pytest
+
+from hprs.cli import trace_file
 
 TRACE = """time,x,v,theta
 0.00,0.0,0.0,0.0
@@ -95,3 +98,17 @@ def test_a_missing_trace_or_task_exits_with_2(hprs, trace):
     )  # fmt: skip
     code, _, err = hprs("assess", "trace.csv", "--task", "x.hprs")
     assert (code, err) == (2, "hprs: there is no task 'x.hprs'.\n")
+
+
+def test_a_folder_is_no_trace(hprs, here):
+    code, _, err = hprs("assess", here, "--task", "mountain.hprs")
+    assert (code, err) == (2, f"hprs: '{here}' is a folder; a trace is a CSV file.\n")
+
+
+def test_an_unreadable_trace_exits_with_1(hprs, trace, monkeypatch):
+    def refuse(path):
+        raise PermissionError(errno.EACCES, "Permission denied", str(path))
+
+    monkeypatch.setattr(trace_file.csv, "reader", refuse)
+    code, _, err = hprs("assess", "trace.csv", "--task", "hprs/CartPole-v0")
+    assert (code, err) == (1, "hprs: trace.csv cannot be read: Permission denied.\n")

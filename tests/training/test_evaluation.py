@@ -1,13 +1,20 @@
+import os
+import signal
+
 import gymnasium as gym
 import numpy as np
 import pytest
 
+import hprs
 from hprs.envs import task_of
 from hprs.errors import UsageError
-from hprs.training import evaluation
+from hprs.training import evaluation, sb3
 from hprs.training.environment import make_environment
 from hprs.training.evaluation import episode_seeds, evaluate
 from hprs.training.policies import ConstantPolicy, RandomPolicy, do_nothing
+from hprs.training.run_directory import create_runs
+from hprs.training.sb3 import recorder
+from tests.training.small import ppo, same_numbers
 
 ID = "hprs/CartPole-v0"
 
@@ -73,7 +80,82 @@ def test_zero_is_clipped_to_the_action_space():
     assert do_nothing(gym.spaces.Box(1, 2, (2,))).action == pytest.approx(np.ones(2))
 
 
-def test_an_episode_without_end_is_given_up(monkeypatch):
-    monkeypatch.setattr(evaluation, "LONGEST_EPISODE", 3)
-    with pytest.raises(UsageError, match=r"did not end within 3 steps.*--horizon"):
-        evaluate(make, ConstantPolicy(0), [0])
+def test_whoever_watches_hears_every_step_and_can_end_it():
+    heard = []
+    evaluate(make, ConstantPolicy(0), [1, 2, 3], heard.append)
+    lengths = [
+        episode.assessment.length for episode in evaluate(make, ConstantPolicy(0), [1, 2, 3])
+    ]
+    assert len(heard) == max(lengths)
+    assert (heard[0], heard[-1]) == (0, 3)
+    assert heard == sorted(heard)
+
+    def stop(complete):
+        if complete == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        evaluate(make, ConstantPolicy(0), [1, 2, 3], stop)
+
+
+def test_environments_are_closed_however_an_evaluation_ends():
+    closed = []
+
+    def watched():
+        env = make()
+        env.unwrapped.close = lambda: closed.append(env)
+        return env
+
+    def fail(observation):
+        raise KeyError
+
+    evaluate(watched, ConstantPolicy(0), [1, 2])
+    with pytest.raises(KeyError):
+        evaluate(watched, fail, [1])
+    assert len(closed) == 3
+
+
+class Endless(gym.Env):
+    observation_space = gym.spaces.Box(0, 1, ())
+    action_space = gym.spaces.Discrete(2)
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        return np.zeros((), np.float32), {}
+
+    def step(self, action):
+        return np.zeros((), np.float32), 0.0, False, False, {}
+
+
+def test_an_environment_without_a_horizon_needs_one(monkeypatch):
+    monkeypatch.setattr(gym.envs.registration, "registry", dict(gym.registry))
+    gym.register("Endless-v0", Endless)
+    task = hprs.parse_task("signal x = obs in [0, 1]\nensure low: x <= 0.5\n")
+    with pytest.raises(UsageError) as error:
+        make_environment("Endless-v0", task)
+    assert str(error.value) == "Endless-v0 has no horizon of its own. Give it one: --horizon N"
+    [episode] = evaluate(
+        lambda: make_environment("Endless-v0", task, horizon=7), ConstantPolicy(0), [0]
+    )
+    assert episode.assessment.length == 7
+
+
+@pytest.mark.parametrize("step", [0, 96])
+def test_ctrl_c_ends_an_evaluation_and_resuming_repeats_it(tmp_path, monkeypatch, step):
+    configuration = ppo(evaluation_interval=96, steps=192)
+    [whole] = create_runs([configuration], tmp_path / "whole")
+    sb3.train(whole)
+    [run] = create_runs([configuration], tmp_path / "run")
+    watched = evaluation.evaluate
+
+    def press_ctrl_c(make, policy, seeds, watch=None):
+        if policy.model.num_timesteps == step:
+            os.kill(os.getpid(), signal.SIGINT)
+        return watched(make, policy, seeds, watch)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(recorder, "evaluate", press_ctrl_c)
+        assert not sb3.train(run)
+    assert {row["step"] for row in run.evaluations()} == ({0} if step else set())
+    assert sb3.train(run)
+    assert same_numbers(run, whole)

@@ -50,33 +50,44 @@ class Evaluate:
 
     def run(self) -> int:
         """Assess the policy."""
+        from hprs.cli.console import console
+        from hprs.cli.progress import EvaluationProgress
         from hprs.training.evaluation import FINAL_SEEDS, episode_seeds, evaluate
+        from hprs.training.intervals import require_statistics
 
-        if self.episodes < 1:
-            raise UsageError(f"--episodes must be at least 1, got {self.episodes}.")
+        for option, value in (("episodes", self.episodes), ("horizon", self.horizon)):
+            if value is not None and value < 1:
+                raise UsageError(f"--{option} must be at least 1, got {value}.")
+        require_statistics()
         title, make, policies = self._policy() if self.policy else self._run()
         seeds = episode_seeds(FINAL_SEEDS, self.episodes)
-
-        def assessments(policy: Policy) -> list[Assessment]:
-            return [episode.assessment for episode in evaluate(make, policy, seeds)]
-
         environment = make()
         task, space = environment.task, environment.action_space
         environment.close()
         floors = {
-            name: assessments(policy)
+            name: policy
             for name, policy in _floors(space).items()
             if self.policy != {"doing nothing": "zero"}.get(name, name)
         }
-        found = {name: assessments(policy) for name, policy in policies.items()}
+        count = len(floors) + len(policies)
+        screen = console(stderr=True)
+        with EvaluationProgress(screen, policies=count, episodes=self.episodes) as progress:
+
+            def assessments(name: str, policy: Policy) -> list[Assessment]:
+                episodes = evaluate(make, policy, seeds, progress.watcher(name))
+                return [episode.assessment for episode in episodes]
+
+            lowest = {name: assessments(name, policy) for name, policy in floors.items()}
+            found = {name: assessments(name, policy) for name, policy in policies.items()}
         show = _print_json if self.json else _print
-        show(title, task, found, floors)
+        show(title, task, found, lowest)
         return 0
 
     def _run(self) -> tuple[str, Callable[[], TaskWrapper], Mapping[str, Policy]]:
         from hprs.errors import did_you_mean
         from hprs.training import sb3
         from hprs.training.environment import make_environment, read_task
+        from hprs.training.policies import check_spaces
         from hprs.training.run_directory import WHICH, find_runs
 
         if self.which not in WHICH:
@@ -91,38 +102,41 @@ class Evaluate:
         runs = find_runs(Path(self.subject))
         configuration = runs[0].configuration
         task = read_task(self.task)[0] if self.task else configuration.task
-        horizon = self.horizon or configuration.horizon
+
+        def make() -> TaskWrapper:
+            return make_environment(
+                configuration.environment,
+                task,
+                "sparse",
+                horizon=self.horizon or configuration.horizon,
+                **configuration.environment_options,
+            )
+
         policies = {
             f"seed {run.configuration.seed}": sb3.load_policy(run, self.which) for run in runs
         }
+        environment = make()
+        for run, policy in zip(runs, policies.values(), strict=True):
+            check_spaces(str(run.policy(self.which)), policy.spaces, environment)
+        environment.close()
         title = (
             f"{configuration.environment}, {configuration.reward} reward, "
             f"{configuration.algorithm}, {self.which} policy"
         )
-        return (
-            title,
-            lambda: make_environment(
-                configuration.environment,
-                task,
-                "sparse",
-                horizon=horizon,
-                **configuration.environment_options,
-            ),
-            policies,
-        )
+        return title, make, policies
 
     def _policy(self) -> tuple[str, Callable[[], TaskWrapper], Mapping[str, Policy]]:
         from hprs.training.environment import find_task, make_environment
 
         task, _ = find_task(self.subject, self.task)
-        environment = make_environment(self.subject, task, "sparse", horizon=self.horizon)
-        policy = _named_policy(str(self.policy), environment.action_space)
+
+        def make() -> TaskWrapper:
+            return make_environment(self.subject, task, "sparse", horizon=self.horizon)
+
+        environment = make()
+        policy = _named_policy(str(self.policy), environment)
         environment.close()
-        return (
-            f"{self.subject}, policy {self.policy}",
-            lambda: make_environment(self.subject, task, "sparse", horizon=self.horizon),
-            {"policy": policy},
-        )
+        return f"{self.subject}, policy {self.policy}", make, {"policy": policy}
 
     def _is_environment(self) -> bool:
         import gymnasium as gym
@@ -142,9 +156,10 @@ def _floors(space: Any) -> dict[str, Policy]:
     return floors
 
 
-def _named_policy(name: str, space: Any) -> Policy:
-    from hprs.training.policies import RandomPolicy, do_nothing, import_policy
+def _named_policy(name: str, environment: TaskWrapper) -> Policy:
+    from hprs.training.policies import RandomPolicy, check_spaces, do_nothing, import_policy
 
+    space = environment.action_space
     if name == "zero":
         return do_nothing(space)
     if name == "random":
@@ -152,9 +167,11 @@ def _named_policy(name: str, space: Any) -> Policy:
     if name.endswith(".zip"):
         from hprs.training.sb3 import load_zip
 
-        return load_zip(Path(name))
+        policy = load_zip(Path(name))
+        check_spaces(name, policy.spaces, environment)
+        return policy
     if ":" in name:
-        return import_policy(name)
+        return import_policy(name, space)
     from hprs.errors import did_you_mean
 
     raise UsageError(

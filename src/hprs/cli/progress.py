@@ -1,8 +1,13 @@
-"""Shows a training's progress: a bar on a terminal, one line an evaluation elsewhere."""
+"""Shows the progress of a training or an evaluation: a bar on a terminal.
+
+Elsewhere a training prints one line an evaluation, and an evaluation nothing.
+"""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
+from types import TracebackType
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
@@ -98,6 +103,56 @@ class TrainingProgress:
         prefix = f"seed {self._seed}  " if self._seeds > 1 else ""
         self._console.print(prefix + text, soft_wrap=True)
         self._console.file.flush()
+
+
+class EvaluationProgress:
+    """A bar over the episodes of several policies, gone when it is left.
+
+    Args:
+        console: Where to.
+        policies: How many policies there are.
+        episodes: Episodes of each.
+    """
+
+    def __init__(self, console: Console, *, policies: int, episodes: int) -> None:
+        self._bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("{task.completed:,.0f}/{task.total:,.0f} episodes"),
+            TimeRemainingColumn(compact=True),
+            console=console,
+            transient=True,
+            disable=not console.is_terminal,
+        )
+        self._task = self._bar.add_task("", total=policies * episodes)
+        self._each, self._complete, self._drawn = episodes, 0, 0.0
+
+    def __enter__(self) -> EvaluationProgress:
+        """Open the bar."""
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close the bar."""
+        self._bar.stop()
+
+    def watcher(self, name: str) -> Callable[[int], None]:
+        """What is to be told how many episodes of a policy are complete."""
+        before, self._complete = self._complete, self._complete + self._each
+        self._bar.update(self._task, description=name, completed=before)
+
+        def watch(complete: int) -> None:
+            now = time.monotonic()
+            if now - self._drawn > 0.1:
+                self._drawn = now
+                self._bar.update(self._task, completed=before + complete)
+
+        return watch
 
 
 def _clock(seconds: float) -> str:

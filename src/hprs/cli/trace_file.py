@@ -23,9 +23,11 @@ def read_trace(path: Path, task: Task) -> Mapping[str, npt.NDArray[np.float64]]:
 
     Raises:
         UsageError: There is no such file.
-        TraceError: It is empty, a column is missing, or a value is not a number.
+        TraceError: It cannot be read or is empty, a column is missing, or a value is not a number.
     """
-    if not path.is_file():
+    if path.is_dir():
+        raise UsageError(f"'{path}' is a folder; a trace is a CSV file.")
+    if not path.exists():
         near = [other.name for other in path.parent.glob(f"*{path.suffix}")]
         raise UsageError(f"there is no trace file '{path}'.{did_you_mean(path.name, near)}")
     header, rows = _read(path)
@@ -45,18 +47,8 @@ def read_trace(path: Path, task: Task) -> Mapping[str, npt.NDArray[np.float64]]:
 
 
 def _read(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """Header, and rows with their line numbers; blank lines are skipped."""
-    rows: list[tuple[int, list[str]]] = []
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.reader(file)
-            for row in reader:
-                if any(cell.strip() for cell in row):
-                    rows.append((reader.line_num, [cell.strip() for cell in row]))
-    except UnicodeDecodeError:
-        raise TraceError(f"{path} is not text in UTF-8; a trace is a CSV file.") from None
-    except csv.Error as error:
-        raise TraceError(f"{path} is not a CSV file: {error}.") from None
+    """Header, and the rows below it with their line numbers."""
+    rows = _rows(path)
     if not rows:
         raise TraceError(f"{path} is empty; it needs a header of signal names and one row a step.")
     header = rows[0][1]
@@ -72,6 +64,24 @@ def _read(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
         if len(row) != len(header):
             raise TraceError(f"{path}:{line}: {len(row)} values below {len(header)} column names.")
     return header, rows[1:]
+
+
+def _rows(path: Path) -> list[tuple[int, list[str]]]:
+    """All rows with their line numbers; blank lines are skipped."""
+    rows: list[tuple[int, list[str]]] = []
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.reader(file)
+            for row in reader:
+                if any(cell.strip() for cell in row):
+                    rows.append((reader.line_num, [cell.strip() for cell in row]))
+    except OSError as error:
+        raise TraceError(f"{path} cannot be read: {error.strerror}.") from None
+    except UnicodeDecodeError:
+        raise TraceError(f"{path} is not text in UTF-8; a trace is a CSV file.") from None
+    except csv.Error as error:
+        raise TraceError(f"{path} is not a CSV file: {error}.") from None
+    return rows
 
 
 def _column(

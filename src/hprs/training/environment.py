@@ -98,10 +98,14 @@ def make_environment(
     """An environment with a task on it.
 
     Raises:
-        UsageError: The environment or the reward is unknown.
+        UsageError: The environment or the reward is unknown, or episodes have no horizon.
         SignalError: The environment lacks a signal of the task.
     """
     bare = make_bare(environment, horizon=horizon, **options)
+    if bare.spec is None or bare.spec.max_episode_steps is None:
+        bare.close()
+        # Whether an episode ends by itself nobody can know, and an evaluation would wait for it.
+        raise UsageError(f"{environment} has no horizon of its own. Give it one: --horizon N")
     return wrap(bare, task, reward, end=end, discount=discount)
 
 

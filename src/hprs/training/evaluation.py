@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from hprs.errors import UsageError
 from hprs.semantics.assessment import Assessment
 from hprs.training.policies import BatchedPolicy, Policy
 from hprs.wrappers.single import TaskWrapper
@@ -16,9 +15,6 @@ TRAINING_SEEDS = 1_000_000
 
 FINAL_SEEDS = 2_000_000
 """First episode seed of a policy's assessment: episodes that chose nothing."""
-
-LONGEST_EPISODE = 1_000_000
-"""Steps after which an environment without a horizon is given up."""
 
 SIDE_BY_SIDE = 16
 """Environments that a batched policy steps together."""
@@ -42,28 +38,38 @@ def episode_seeds(first: int, count: int) -> list[int]:
 
 
 def evaluate(
-    make: Callable[[], TaskWrapper], policy: Policy, seeds: Sequence[int]
+    make: Callable[[], TaskWrapper],
+    policy: Policy,
+    seeds: Sequence[int],
+    watch: Callable[[int], None] | None = None,
 ) -> list[Episode]:
     """Run one episode a seed, in environments of its own.
 
     Args:
-        make: Makes an environment with its task.
+        make: Makes an environment with its task; its episodes must end.
         policy: What to run. A `BatchedPolicy` runs several episodes at once.
         seeds: One seed an episode; the same seeds give the same episodes.
+        watch: Called after every step with the number of episodes that are complete; what it
+            raises ends the evaluation.
 
     Raises:
-        UsageError: An episode does not end.
+        PolicyError: The policy fails, or its action is none of the environment's.
     """
     episodes: list[Episode] = []
     batched = policy if isinstance(policy, BatchedPolicy) else None
     width = 1 if batched is None else min(SIDE_BY_SIDE, len(seeds))
     environments = [make() for _ in range(width)]
     choose = (lambda seen: [policy(seen[0])]) if batched is None else batched.batch
-    for start in range(0, len(seeds), width):
-        chosen = seeds[start : start + width]
-        episodes += _run(environments[: len(chosen)], choose, chosen)
-    for environment in environments:
-        environment.close()
+    try:
+        for start in range(0, len(seeds), width):
+            chosen = seeds[start : start + width]
+            steps = _run(environments[: len(chosen)], choose, chosen, episodes)
+            for complete in steps:
+                if watch is not None:
+                    watch(complete)
+    finally:
+        for environment in environments:
+            environment.close()
     return episodes
 
 
@@ -71,11 +77,17 @@ def _run(
     environments: Sequence[TaskWrapper],
     choose: Callable[[Sequence[Any]], Sequence[Any]],
     seeds: Sequence[int],
-) -> list[Episode]:
+    episodes: list[Episode],
+) -> Iterator[int]:
+    """Step environments until all episodes have ended, and add these to `episodes`.
+
+    Yields:
+        After every step, the number of episodes that are complete.
+    """
     seen = {i: env.reset(seed=seeds[i])[0] for i, env in enumerate(environments)}
     totals = [0.0] * len(seeds)
     found: dict[int, Episode] = {}
-    for _ in range(LONGEST_EPISODE):
+    while seen:
         running = list(seen)
         actions = choose([seen[i] for i in running])
         for i, action in zip(running, actions, strict=True):
@@ -84,8 +96,5 @@ def _run(
             if terminated or truncated:
                 found[i] = Episode(seeds[i], totals[i], info["assessment"])
                 del seen[i]
-        if not seen:
-            return [found[i] for i in range(len(seeds))]
-    raise UsageError(
-        f"an episode did not end within {LONGEST_EPISODE} steps. Give it a horizon: --horizon N"
-    )
+        yield len(episodes) + len(found)
+    episodes += [found[i] for i in range(len(seeds))]

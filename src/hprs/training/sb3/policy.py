@@ -29,6 +29,11 @@ class Learner:
 
     model: Any
 
+    @property
+    def spaces(self) -> tuple[Any, Any]:
+        """The observation and the action space that it was trained with."""
+        return self.model.observation_space, self.model.action_space
+
     def __call__(self, observation: Any, /) -> Any:
         """The action to take."""
         return self.batch([observation])[0]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -22,7 +23,7 @@ from hprs.training.sb3.state import Restoration, capture, replay_buffer, replay_
 
 
 class Stopped(Exception):  # noqa: N818
-    """Leaves Stable-Baselines3's loop between two rollouts."""
+    """Leaves an evaluation, or Stable-Baselines3's loop between two rollouts."""
 
 
 class Recorder(BaseCallback):
@@ -59,7 +60,9 @@ class Recorder(BaseCallback):
             self._restoration.random(self.model)
             self._restoration = None
         if self.model.num_timesteps >= self._progress.next_evaluation:
-            self._record()
+            # An abandoned evaluation comes again: the progress still says that it is due.
+            with suppress(Stopped):
+                self._record(watch=self._look_up)
         if self._interruption.requested:
             if self.model.num_timesteps > self._progress.step:
                 self._progress = replace(self._progress, step=self.model.num_timesteps)
@@ -70,10 +73,15 @@ class Recorder(BaseCallback):
         if self.model.num_timesteps > self._progress.step:
             self._record()
 
-    def _record(self) -> None:
+    def _look_up(self, complete: int) -> None:
+        if self._interruption.requested:
+            raise Stopped
+
+    def _record(self, watch: Callable[[int], None] | None = None) -> None:
         step, configuration = self.model.num_timesteps, self._run.configuration
         seeds = episode_seeds(TRAINING_SEEDS, configuration.evaluation_episodes)
-        episodes = evaluate(lambda: make_configured(configuration), Learner(self.model), seeds)
+        policy = Learner(self.model)
+        episodes = evaluate(lambda: make_configured(configuration), policy, seeds, watch)
         interval = configuration.evaluation_interval
         self._progress = self._progress.after(step, episodes, interval)
         self._rows = format_rows(configuration.task, step, episodes)

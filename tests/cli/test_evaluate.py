@@ -1,0 +1,98 @@
+import json
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from rich.console import Console
+
+from hprs.cli.progress import EvaluationProgress
+from hprs.envs import BENCHMARKS
+from hprs.training import evaluation
+
+CART_POLE = "hprs/CartPole-v0"
+
+
+@pytest.mark.parametrize("policy", ["zero", "random"])
+@pytest.mark.parametrize("name", BENCHMARKS)
+def test_the_floors_of_every_benchmark_are_measured(hprs, name, policy):
+    code, out, err = hprs(
+        "evaluate", name, "--policy", policy, "--episodes", "1", "--horizon", "30", "--json"
+    )
+    assert (code, err) == (0, "")
+    content = json.loads(out)
+    assert list(content["floors"]) == [{"zero": "random", "random": "doing nothing"}[policy]]
+    assert set(content["measures"]) > {"S", "S+T", "S+T+C", "PAM"}
+
+
+@pytest.mark.parametrize("value", ["0", "-1"])
+@pytest.mark.parametrize("option", ["--horizon", "--episodes"])
+def test_counts_start_at_one(hprs, option, value):
+    code, out, err = hprs("evaluate", CART_POLE, "--policy", "zero", option, value)
+    assert (code, out) == (2, "")
+    assert err == f"hprs: {option} must be at least 1, got {value}.\n"
+
+
+def test_a_policy_that_cannot_act_exits_with_1(hprs, here):
+    (here / "strange_policies.py").write_text("def none(observation):\n    return None\n")
+    code, out, err = hprs("evaluate", CART_POLE, "--policy", "strange_policies:none")
+    assert (code, out) == (1, "")
+    assert err == (
+        "hprs: policy 'strange_policies:none' returned None, which is no action of Discrete(2).\n"
+    )
+
+
+def test_a_policy_of_another_environment_exits_with_1(hprs, here):
+    from stable_baselines3 import PPO
+
+    PPO("MlpPolicy", "CartPole-v1", n_steps=8, batch_size=8, device="cpu").save("cart.zip")
+    code, out, err = hprs(
+        "evaluate", "MountainCarContinuous-v0", "--task", "mountain.hprs", "--policy", "cart.zip"
+    )
+    assert (code, out) == (1, "")
+    assert err.startswith("hprs: policy 'cart.zip' was trained with observations of Box(")
+    assert err.count("\n") == 1
+
+
+def test_without_statistics_no_episode_is_run(hprs, monkeypatch):
+    monkeypatch.setitem(sys.modules, "scipy", None)
+    monkeypatch.setattr(evaluation, "evaluate", None)
+    code, _, err = hprs("evaluate", CART_POLE, "--policy", "zero")
+    assert code == 2
+    assert err == "hprs: scipy is not installed. Install it with: pip install 'hprs[report]'\n"
+
+
+def test_a_terminal_gets_a_bar_over_all_policies(tmp_path):
+    path = tmp_path / "screen"
+    with path.open("w") as file:
+        console = Console(file=file, force_terminal=True, width=100)
+        with EvaluationProgress(console, policies=2, episodes=5) as progress:
+            progress.watcher("doing nothing")(5)
+            progress.watcher("random")(1)
+    screen = path.read_text()
+    assert "random" in screen
+    assert "5/10 episodes" in screen
+
+
+def test_ctrl_c_is_a_clean_line(here):
+    (here / "slow_policies.py").write_text(
+        "import time\n"
+        "def slow(observation):\n"
+        "    open('running', 'w').close()\n"
+        "    time.sleep(0.01)\n"
+        "    return 0\n"
+    )
+    arguments = ["evaluate", CART_POLE, "--policy", "slow_policies:slow", "--episodes", "300"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "hprs", *arguments],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    ) as process:  # fmt: skip
+        deadline = time.monotonic() + 60
+        while not (here / "running").exists() and time.monotonic() < deadline:
+            time.sleep(0.05)
+        process.send_signal(signal.SIGINT)
+        start = time.monotonic()
+        out, err = process.communicate(timeout=60)
+    assert (process.returncode, out, err) == (130, "", "hprs: interrupted.\n")
+    assert time.monotonic() - start < 5
