@@ -1,3 +1,6 @@
+import subprocess
+import sys
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -11,6 +14,19 @@ def test_registering_twice_changes_nothing():
     before = dict(gym.registry)
     register()
     assert gym.registry == before
+
+
+def test_an_id_that_names_the_package_needs_no_import():
+    program = (
+        "import gymnasium as gym\n"
+        "env = gym.make('hprs.envs:hprs/CartPole-v0')\n"
+        "assert env.spec.id == 'hprs/CartPole-v0'\n"
+        "assert gym.make_vec('hprs.envs:hprs/CartPole-v0', 2).num_envs == 2\n"
+    )
+    found = subprocess.run(
+        [sys.executable, "-W", "error", "-c", program], capture_output=True, text=True, check=False
+    )
+    assert (found.returncode, found.stderr) == (0, "")
 
 
 @pytest.mark.parametrize("name", BENCHMARKS)

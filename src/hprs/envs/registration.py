@@ -96,8 +96,12 @@ BENCHMARKS: Mapping[str, Benchmark] = MappingProxyType(
 
 
 def register() -> None:
-    """Register the benchmarks with Gymnasium; a second call does nothing."""
-    # Gymnasium may call this while it is being imported itself, hence no import at the top.
+    """Register the benchmarks with Gymnasium; a second call does nothing.
+
+    Gymnasium 1.0 and later find no environments by themselves: import `hprs.envs`, or name it, as
+    in `gymnasium.make("hprs.envs:hprs/CartPole-v0")`.
+    """
+    # Not at the top: the table above is read where no environment is wanted.
     from gymnasium.envs.registration import register as register_environment
     from gymnasium.envs.registration import registry
 
