@@ -14,6 +14,7 @@ from hprs import assess, parse_task, summarise
 from hprs.errors import TraceError
 from hprs.semantics.assessment import (
     Assessment,
+    Tally,
     accomplished_comfort,
     achieved,
     advance,
@@ -241,8 +242,45 @@ def test_summary_by_hand() -> None:
 
 
 def test_a_summary_needs_an_episode() -> None:
-    with pytest.raises(ValueError, match="there is no episode to summarise"):
-        summarise([])
+    for nothing in ([], iter(())):
+        with pytest.raises(ValueError, match="there is no episode to summarise"):
+            summarise(nothing)
+
+
+@pytest.mark.parametrize("text", [RACE, FREE, SIGNALS + "ensure e: y >= -0.5"])
+@pytest.mark.parametrize("convert", [np.asarray, jnp.asarray, torch.as_tensor])
+def test_every_episode_of_a_batch_counts_in_a_summary(text: str, convert: Any) -> None:
+    task = parse_task(text)
+    x, y = np.random.default_rng(0).uniform(-1, 1, (2, 9, 3, 2))
+    single = [assess(task, {"x": x[:, i, j], "y": y[:, i, j]}) for i in range(3) for j in range(2)]
+    batch = assess(task, {"x": convert(x), "y": convert(y)})
+    expected = summarise(iter(single))
+    for found in (summarise(batch), summarise([batch])):
+        assert found.episodes == expected.episodes == 6
+        assert found.pam == pytest.approx(expected.pam, rel=1e-6)
+        assert found.safe_target_comfort == pytest.approx(expected.safe_target_comfort, abs=1e-6)
+        assert found.requirements == pytest.approx(expected.requirements, rel=1e-6)
+    assert summarise([batch, *single]).episodes == 12
+
+
+def test_episodes_of_different_tasks_have_no_summary() -> None:
+    with pytest.raises(ValueError, match="of tasks with different requirements"):
+        summarise([assess(parse_task(text), GOOD) for text in (RACE, FREE)])
+
+
+def test_padding_under_jit_and_vmap() -> None:
+    plan = plan_of(parse_task(RACE))
+
+    def padded(steps: Any, counts: Any) -> Any:
+        tally = Tally(jnp.asarray([True]), jnp.asarray(True), counts, steps, jnp.asarray(False))
+        return conclude(plan, tally, max_length=8).pam
+
+    counts = jnp.asarray([4, 2])
+    assert float(jax.jit(padded)(jnp.asarray(6), counts)) == pytest.approx(1.5 + 0.25 * 3 / 8)
+    found = jax.vmap(padded, in_axes=(0, None))(jnp.asarray([6, 8, 9]), counts)
+    assert np.isfinite(np.asarray(found)).tolist() == [True, True, False]
+    with pytest.raises(ValueError, match="an episode has 9 steps, more than max_length=8"):
+        padded(jnp.asarray([6, 9]), counts[:, None])
 
 
 GOOD = {"x": [0.0, 0.0], "y": [0.0, 0.0]}
@@ -252,6 +290,23 @@ BAD_TRACES = [
     (GOOD | {"y": [0.0, float("nan")]}, "signal 'y' is NaN at step 1 of the trace"),
     ({"x": [0.0], "y": [0.0]}, "the trace needs the initial state and at least one step"),
     ({"x": 0.0, "y": 0.0}, "the trace needs the initial state and at least one step"),
+    (
+        GOOD | {"y": [0.0, "fast"]},
+        "in the trace, signal 'y' must hold numbers, but is 'fast' at step 1",
+    ),
+    (
+        GOOD | {"y": np.asarray(["0", "fast"])},
+        "signal 'y' must hold numbers, but is .*'fast'.* at step 1",
+    ),
+    (GOOD | {"y": [0.0, {}]}, "signal 'y' must hold numbers, but is {} at step 1"),
+    (GOOD | {"y": "log"}, "signal 'y' must hold numbers, but is 'log'"),
+    (GOOD | {"y": object()}, "signal 'y' must hold numbers, but is <object"),
+    (GOOD | {"y": [0.0, None]}, "signal 'y' is NaN at step 1 of the trace"),
+    (
+        GOOD | {"y": [[0.0, 0.0], [0.0, 0.0], [0.0]]},
+        r"signal 'y' has shape \(1,\) at step 2, after shape \(2,\)",
+    ),
+    ([0.0, 0.0], r"a trace maps names of signals to values over time, got \[0.0, 0.0\]"),
     (
         GOOD | {"x": np.zeros((2, 2))},
         r"signal 'y' has shape \(2,\) in the trace, .* 'x' of shape \(2, 2\)",
@@ -263,6 +318,23 @@ BAD_TRACES = [
 def test_traces_that_cannot_be_assessed(trace: dict[str, Any], message: str) -> None:
     with pytest.raises(TraceError, match=message):
         assess(parse_task(RACE), trace)
+
+
+def test_what_numpy_can_read_is_a_trace() -> None:
+    class Column:
+        """As a column of a table."""
+
+        shape = (2,)
+
+        def to_numpy(self) -> None: ...
+
+        def __array__(self, dtype: Any = None, copy: Any = None) -> Any:
+            return np.asarray([0.0, 0.6], dtype)
+
+    task = parse_task(RACE)
+    y = [0, True]
+    for x in (["0", "0.6"], (0.0, 0.6), np.asarray([0.0, 0.6], object), Column()):
+        assert assess(task, {"x": x, "y": y}).pam == 1.75
 
 
 def test_a_vector_of_another_length_cannot_be_assessed() -> None:

@@ -6,8 +6,10 @@ import math
 from dataclasses import replace
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
+import torch
 
 from hprs import parse_task
 from hprs.errors import SignalError
@@ -231,6 +233,20 @@ def test_always_true_has_score_one_even_outside_the_range() -> None:
     assert with_bound.bounds["r"] == (0.0, 1.0)
     for state in ({"x": -5.0}, {"x": np.asarray([-5.0])}):
         assert np.all(np.asarray(potential(with_bound, state)) == 1.0)
+
+
+@pytest.mark.parametrize("convert", [float, np.float64, np.asarray, jnp.asarray, torch.tensor])
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [(-math.inf, [1.0, 0.0]), (math.inf, [1.0, 1.0]), (math.nan, [math.nan] * 2)],
+)
+def test_an_infinite_signal_has_scores_and_nan_has_none(
+    convert: Any, value: float, expected: list[float]
+) -> None:
+    task = parse_task("signal x in [0, 1]\nencourage always: x >= 0\nencourage half: x >= 0.5\n")
+    state = {"x": convert([value]) if convert not in (float, np.float64) else convert(value)}
+    found = [np.asarray(score).item() for score in scores(task, state).values()]
+    np.testing.assert_array_equal(found, expected)
 
 
 def test_empty_classes_and_tasks() -> None:

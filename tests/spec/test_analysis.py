@@ -287,3 +287,14 @@ def test_an_unknown_name_can_be_pickled_with_its_message() -> None:
     with pytest.raises(SpecValidationError) as caught:
         Task(requirements=(Requirement("ensure", "a", Comparison(Name("q"), "<=", Number(1.0))),))
     assert str(pickle.loads(pickle.dumps(caught.value))) == "unknown name 'q'."
+
+
+def test_the_sign_of_a_zero_counts_in_atan2() -> None:
+    task = parse_task(
+        "signal v in [-1, 1]\nconst up = atan2(0, -1)\nconst down = atan2(0 * -1, -1)\n"
+        "let angle = atan2(0 * v, -1)\nensure turned: angle >= 0"
+    )
+    assert (task.ranges["up"].low, task.ranges["down"].low) == (math.pi, -math.pi)
+    assert (task.ranges["angle"].low, task.ranges["angle"].high) == (-math.pi, math.pi)
+    assert task.margins({"v": 1.0}) == {"turned": math.pi}
+    assert task.margins({"v": -1.0}) == {"turned": -math.pi}

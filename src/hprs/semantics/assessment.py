@@ -7,22 +7,26 @@ s_1 .. s_t. A tally gathers the same numbers step by step with constant memory.
 
 from __future__ import annotations
 
+import math
 import operator
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from hprs.errors import TraceError
 from hprs.semantics.evaluation import Signals, evaluate_arrays
 from hprs.semantics.plan import Plan, plan_of
+from hprs.semantics.trace import check_trace, count_outside
 from hprs.spec.namespace import Array, both, namespace_of, select
 from hprs.spec.task import Task
 
 SAFE, ACCOMPLISHED, COMFORT_SHARE = 1.0, 1.5, 0.25
 """PAM of a safe episode, of an accomplished one, and what full comfort adds."""
+
+
+_Numbers: TypeAlias = "np.ndarray[Any, np.dtype[np.float64]]"
 
 
 @dataclass(frozen=True)
@@ -154,13 +158,10 @@ def conclude(
         outside: Signal name to the number of states outside its range.
 
     Raises:
-        ValueError: The episode is longer than `max_length`.
+        ValueError: The episode is longer than `max_length`; under `jax.jit` comfort is NaN then.
     """
     steps = tally.steps
-    if max_length is not None and np.any(np.asarray(steps) > max_length):
-        longest = int(np.asarray(steps).max())
-        raise ValueError(f"an episode has {longest} steps, more than max_length={max_length}.")
-    divisor = steps if max_length is None else max_length
+    divisor = steps if max_length is None else _padded(steps, max_length)
     fractions = [count / divisor for count in tally.counts]
     safe = is_safe(tally)
     comfort = (
@@ -180,6 +181,18 @@ def conclude(
     )
 
 
+def _padded(steps: Any, max_length: int) -> Any:
+    """`max_length`, if no episode is longer."""
+    too_long = steps > max_length
+    try:
+        if not (too_long if isinstance(too_long, bool) else bool(too_long.any())):
+            return max_length
+    except TypeError:  # a traced array has no value yet
+        return select(too_long, math.nan, float(max_length))
+    longest = int(np.asarray(steps).max())
+    raise ValueError(f"an episode has {longest} steps, more than max_length={max_length}.")
+
+
 def assess(task: Task, trace: Signals, *, max_length: int | None = None) -> Assessment:
     """Assess a whole trace, or a batch of traces of the same length.
 
@@ -189,10 +202,10 @@ def assess(task: Task, trace: Signals, *, max_length: int | None = None) -> Asse
         max_length: See `conclude`.
 
     Raises:
-        TraceError: A signal is missing or NaN, lengths differ, or there is not one step.
+        TraceError: A signal is missing, NaN or no number, lengths differ, or there is not one step.
     """
     plan = plan_of(task)
-    values = _check_trace(plan, trace)
+    values = check_trace(plan, trace)
     xp = namespace_of(values.values())
     satisfied = evaluate_arrays(plan, values, xp).satisfied
     safe = xp.all(satisfied[: plan.safety_count], axis=1)
@@ -204,7 +217,7 @@ def assess(task: Task, trace: Signals, *, max_length: int | None = None) -> Asse
         target = xp.any(row, axis=0) if plan.achieves else row[-1]
     steps = first.steps + (satisfied.shape[1] - 1)
     tally = Tally(safe, target, counts, steps, first.decided_at_start)
-    outside = _count_outside(task, values)
+    outside = count_outside(task, values)
     return _plain(conclude(plan, tally, max_length=max_length, outside=outside))
 
 
@@ -226,27 +239,39 @@ class Summary:
     """How many episodes."""
 
 
-def summarise(assessments: Sequence[Assessment]) -> Summary:
-    """Summarise single episodes' assessments.
+def summarise(assessments: Assessment | Iterable[Assessment]) -> Summary:
+    """Summarise episodes of one task.
+
+    Args:
+        assessments: Their assessments; each episode of a batch counts as one.
 
     Raises:
-        ValueError: There are none.
+        ValueError: There are none, or they are of tasks with different requirements.
     """
-    if not assessments:
+    found = [assessments] if isinstance(assessments, Assessment) else list(assessments)
+    if not found:
         raise ValueError("there is no episode to summarise.")
-    pam = np.array([float(a.pam) for a in assessments])
-    comfort: np.ndarray[Any, np.dtype[np.float64]] = accomplished_comfort(pam)
+    labels = found[0].requirements.keys()
+    if any(other.requirements.keys() != labels for other in found):
+        raise ValueError("these episodes are of tasks with different requirements.")
+    pam = _episodes(a.pam for a in found)
+    comfort: _Numbers = accomplished_comfort(pam)
     return Summary(
         safe=float(np.mean(pam >= SAFE)),
         safe_target=float(np.mean(pam >= ACCOMPLISHED)),
         safe_target_comfort=float(np.mean(comfort)),
         pam=float(np.mean(pam)),
         requirements={
-            label: float(np.mean([float(a.requirements[label]) for a in assessments]))
-            for label in assessments[0].requirements
+            label: float(np.mean(_episodes(a.requirements[label] for a in found)))
+            for label in labels
         },
-        episodes=len(assessments),
+        episodes=len(pam),
     )
+
+
+def _episodes(values: Iterable[Any]) -> _Numbers:
+    """One number an episode, from those of single episodes and of batches."""
+    return np.concatenate([np.atleast_1d(np.asarray(value, float)).ravel() for value in values])
 
 
 def accomplished_comfort(pam: Array) -> Array:
@@ -261,63 +286,6 @@ def _is_list(rows: Any) -> bool:
 
 def _all(rows: Any, every: Any) -> Any:
     return reduce(both, rows, every)
-
-
-def _check_trace(plan: Plan, trace: Signals) -> dict[str, Array]:
-    for name in plan.signals:
-        if name not in trace:
-            raise TraceError(f"the trace has no signal '{name}'; it has {', '.join(trace)}.")
-    listed = {name: trace[name] for name in plan.signals}
-    xp = namespace_of(listed.values())
-    values = {
-        name: value if hasattr(value, "shape") else np.asarray(value, dtype=float)
-        for name, value in listed.items()
-    }
-    _check_shapes(plan, {name: tuple(value.shape) for name, value in values.items()})
-    for name, value in values.items():
-        unknown = xp.isnan(value * 1.0)
-        if xp.any(unknown):
-            step = int(np.argwhere(np.asarray(unknown))[0][0])
-            raise TraceError(f"signal '{name}' is NaN at step {step} of the trace.")
-    return values
-
-
-def _check_shapes(plan: Plan, shapes: Mapping[str, tuple[int, ...]]) -> None:
-    lengths = {name: shape[0] if shape else 0 for name, shape in shapes.items()}
-    if len(set(lengths.values())) > 1:
-        raise TraceError(f"the signals of the trace differ in length: {lengths}.")
-    if min(lengths.values(), default=0) < 2:
-        raise TraceError("the trace needs the initial state and at least one step.")
-    vectors = {signal.name: signal.length for signal in plan.task.signals if signal.length}
-    batches: dict[str, tuple[int, ...]] = {}
-    for name, shape in shapes.items():
-        if name in vectors and (len(shape) < 2 or shape[-1] != vectors[name]):
-            raise TraceError(
-                f"signal '{name}' has {vectors[name]} components, but shape {shape} in the trace."
-            )
-        batches[name] = shape[:-1] if name in vectors else shape
-    first = plan.signals[0]
-    for name, batch in batches.items():
-        # Broadcasting would line time up with a batch axis.
-        if batch != batches[first]:
-            raise TraceError(
-                f"signal '{name}' has shape {shapes[name]} in the trace, "
-                f"which does not go with '{first}' of shape {shapes[first]}."
-            )
-
-
-def _count_outside(task: Task, values: Mapping[str, Array]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for signal in task.signals:
-        if signal.name in values:
-            bounds, value = task.ranges[signal.name], values[signal.name]
-            left = (value < bounds.low) | (value > bounds.high)
-            if signal.length is not None:
-                left = namespace_of((left,)).any(left, axis=-1)
-            count = left.sum(0)
-            if count.any():
-                found[signal.name] = count
-    return found
 
 
 def _plain(assessment: Assessment) -> Assessment:

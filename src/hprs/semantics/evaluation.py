@@ -6,6 +6,7 @@ shape; NumPy, JAX (under `jit`, `vmap`, `scan`) and PyTorch give the same number
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from types import ModuleType
@@ -98,7 +99,11 @@ def evaluate_arrays(plan: Plan, signals: Signals, xp: ModuleType) -> Evaluation:
     first = plan.safety_leaves
     lows = _column(plan.soft_lows, leaves, xp)
     operations = array_operations(xp)
-    scores = operations["max"](1.0 - operations["min"](leaves[first:], 0.0) / lows, 0.0)
+    negative = operations["min"](leaves[first:], 0.0)
+    if -math.inf in plan.soft_lows:
+        # A comparison that always holds has score 1 for every margin; -inf / -inf would be NaN.
+        negative = xp.where(xp.isinf(lows) & xp.isinf(negative), xp.zeros_like(negative), negative)
+    scores = operations["max"](1.0 - negative / lows, 0.0)
     if plan.compound:
         leaf_scores = [*leaves[:first], *scores]
         rows = plan.combine(leaf_scores, xp.minimum, xp.maximum)[plan.safety_count :]

@@ -53,6 +53,10 @@ def infer(expression: Expression, known: Mapping[str, Inferred]) -> Inferred:
             parts = tuple(infer(argument, known) for argument in expression.arguments)
             if expression.function in REDUCTIONS:
                 return _reduce(expression, parts)
+            if expression.function == "atan2" and all(part.constant for part in parts):
+                # A constant's zero has a sign; that of a range has none.
+                angle = math.atan2(parts[0].range.low, parts[1].range.low)
+                return Inferred(interval.point(angle), constant=True)
             function = _FUNCTIONS[expression.function]
             return _apply(expression, parts, lambda: function(*(part.range for part in parts)))
 

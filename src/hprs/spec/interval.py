@@ -179,8 +179,7 @@ def tangent(x: Interval) -> Interval:
 
 def arctangent(y: Interval, x: Interval) -> Interval:
     """Range of `atan2(y, x)`."""
-    if y.is_point and x.is_point:
-        return point(math.atan2(y.low, x.low))
+    # A range that holds 0 holds both zeros, and atan2(-0.0, -1) is -pi.
     if 0.0 in y and x.low <= 0.0:
         return Interval(-math.pi, math.pi)
     # An infinite corner stands for every direction between its axes.
@@ -205,7 +204,7 @@ def _hull(values: Iterable[float]) -> Interval:
 
 def _product(a: float, b: float) -> float:
     # An infinite end stands for values without bound, never for infinity itself: 0 * x is 0.
-    return 0.0 if a == 0.0 or b == 0.0 else a * b
+    return 0.0 if 0.0 in (a, b) and math.inf in (abs(a), abs(b)) else a * b
 
 
 def _quotient(a: float, b: float) -> float:

@@ -1,0 +1,102 @@
+"""Checks a recorded trace, and counts where its signals left their ranges."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, cast
+
+import numpy as np
+
+from hprs.errors import TraceError
+from hprs.semantics.evaluation import Signals
+from hprs.semantics.plan import Plan
+from hprs.spec.namespace import Array, namespace_of
+from hprs.spec.task import Task
+
+
+def check_trace(plan: Plan, trace: Signals) -> dict[str, Array]:
+    """The signals that a task uses, as arrays with time on their first axis.
+
+    Raises:
+        TraceError: See `hprs.assess`.
+    """
+    if not hasattr(trace, "keys"):
+        raise TraceError(f"a trace maps names of signals to values over time, got {trace!r:.80}.")
+    for name in plan.signals:
+        if name not in trace:
+            raise TraceError(f"the trace has no signal '{name}'; it has {', '.join(trace)}.")
+    values = {name: _numbers(name, trace[name]) for name in plan.signals}
+    xp = namespace_of(values.values())
+    _check_shapes(plan, {name: tuple(value.shape) for name, value in values.items()})
+    for name, value in values.items():
+        unknown = xp.isnan(value * 1.0)
+        if xp.any(unknown):
+            step = int(np.argwhere(np.asarray(unknown))[0][0])
+            raise TraceError(f"signal '{name}' is NaN at step {step} of the trace.")
+    return values
+
+
+def _numbers(name: str, value: Any) -> Array:
+    """An array of numbers; those of NumPy, JAX and PyTorch pass as they are."""
+    # Tables have columns with a shape, which are no arrays, and NumPy has arrays of no numbers.
+    kind = getattr(getattr(value, "dtype", None), "kind", "f")
+    if hasattr(value, "shape") and not hasattr(value, "to_numpy") and kind in "fiub":
+        return value
+    try:
+        return np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise TraceError(f"in the trace, signal '{name}' {_first_wrong(value)}.") from None
+
+
+def _first_wrong(value: Any) -> str:
+    """Says which state of a signal is no number, or has another shape than the one before."""
+    shape: tuple[int, ...] | None = None
+    listed = isinstance(value, Iterable) and not isinstance(value, str)
+    for step, state in enumerate(cast("Iterable[Any]", value) if listed else ()):
+        try:
+            found = np.asarray(state, dtype=float).shape
+        except (TypeError, ValueError):
+            return f"must hold numbers, but is {state!r:.80} at step {step}"
+        if shape not in (None, found):
+            return f"has shape {found} at step {step}, after shape {shape}"
+        shape = found
+    return f"must hold numbers, but is {value!r:.80}"
+
+
+def _check_shapes(plan: Plan, shapes: Mapping[str, tuple[int, ...]]) -> None:
+    lengths = {name: shape[0] if shape else 0 for name, shape in shapes.items()}
+    if len(set(lengths.values())) > 1:
+        raise TraceError(f"the signals of the trace differ in length: {lengths}.")
+    if min(lengths.values(), default=0) < 2:
+        raise TraceError("the trace needs the initial state and at least one step.")
+    vectors = {signal.name: signal.length for signal in plan.task.signals if signal.length}
+    batches: dict[str, tuple[int, ...]] = {}
+    for name, shape in shapes.items():
+        if name in vectors and (len(shape) < 2 or shape[-1] != vectors[name]):
+            raise TraceError(
+                f"signal '{name}' has {vectors[name]} components, but shape {shape} in the trace."
+            )
+        batches[name] = shape[:-1] if name in vectors else shape
+    first = plan.signals[0]
+    for name, batch in batches.items():
+        # Broadcasting would line time up with a batch axis.
+        if batch != batches[first]:
+            raise TraceError(
+                f"signal '{name}' has shape {shapes[name]} in the trace, "
+                f"which does not go with '{first}' of shape {shapes[first]}."
+            )
+
+
+def count_outside(task: Task, values: Mapping[str, Array]) -> dict[str, Any]:
+    """Signal name to the number of states in which it left its range; only those that did."""
+    found: dict[str, Any] = {}
+    for signal in task.signals:
+        if signal.name in values:
+            bounds, value = task.ranges[signal.name], values[signal.name]
+            left = (value < bounds.low) | (value > bounds.high)
+            if signal.length is not None:
+                left = namespace_of((left,)).any(left, axis=-1)
+            count = left.sum(0)
+            if count.any():
+                found[signal.name] = count
+    return found
