@@ -4,10 +4,11 @@ import typing
 import pytest
 import stable_baselines3
 
-from hprs.errors import UsageError
+from hprs.errors import RunError, UsageError
 from hprs.training import sb3
 from hprs.training.algorithms import ALGORITHMS, OURS, resolve_parameters
 from hprs.training.ranges import RANGES, Range
+from hprs.training.run_directory import create_runs
 from hprs.training.sb3.model import make_model, make_vector
 from hprs.training.sb3.policy import threads
 from tests.training.small import MOUNTAIN
@@ -180,6 +181,15 @@ def test_unusual_values_that_mean_something_train(task, algorithm, settings):
 def test_what_only_stable_baselines_can_judge_is_one_line(task, algorithm, settings):
     with pytest.raises(UsageError, match=r"^Stable-Baselines3 refuses this training: "):
         learn(configure(task, algorithm, **settings))
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "settings"), [("ppo", {"vf_coef": 1e300}), ("sac", {"ent_coef": 1e300})]
+)
+def test_a_training_that_diverges_is_one_line(task, tmp_path, algorithm, settings):
+    [run] = create_runs([configure(task, algorithm, **settings)], tmp_path)
+    with pytest.raises(RunError, match=r"^the training diverged before step \d+: its networks"):
+        sb3.train(run)
 
 
 def test_a_range_says_what_it_wants():

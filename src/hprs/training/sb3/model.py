@@ -55,6 +55,11 @@ def make_model(configuration: Configuration, environments: VecEnv) -> BaseAlgori
         raise UsageError(f"Stable-Baselines3 refuses this training: {error}") from error
 
 
+def has_diverged(model: BaseAlgorithm) -> bool:
+    """Whether a network holds NaN or infinity: no step of learning brings it back."""
+    return not all(bool(weights.isfinite().all()) for weights in model.policy.parameters())
+
+
 def algorithm_class(configuration: Configuration) -> Any:
     """The class of Stable-Baselines3 that trains."""
     import stable_baselines3

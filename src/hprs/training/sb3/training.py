@@ -12,13 +12,15 @@ from hprs.training.listener import Listener, Silence
 from hprs.training.replay import load_segments
 from hprs.training.run_directory import RunDirectory
 from hprs.training.sb3.events import make_logger
-from hprs.training.sb3.model import derive_seed, make_model, make_vector
+from hprs.training.sb3.model import derive_seed, has_diverged, make_model, make_vector
 from hprs.training.sb3.policy import save_policies, threads
 from hprs.training.sb3.state import Restoration, replay_buffer, replay_rows
 
 if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
     from stable_baselines3.common.vec_env import VecEnv
+
+    from hprs.training.sb3.recorder import Recorder
 
 
 def train(run: RunDirectory, listener: Listener | None = None) -> bool:
@@ -34,7 +36,8 @@ def train(run: RunDirectory, listener: Listener | None = None) -> bool:
         Whether the training is complete; false if it was interrupted.
 
     Raises:
-        RunError: The run cannot be read, written or gone on with, or another process trains it.
+        RunError: The run cannot be read, written or gone on with, another process trains it, or the
+            training diverged.
     """
     require("stable_baselines3", "sb3")
     require("tensorboard", "sb3")
@@ -71,7 +74,7 @@ def _train(
         model.set_logger(logger)
         listener.started(run.configuration, first)
         recorder = Recorder(run, checkpoint, restoration, listener, interruption)
-        model.learn(steps - first, recorder, reset_num_timesteps=False)
+        _learn(model, steps - first, recorder)
     except Stopped:
         return False
     finally:
@@ -80,6 +83,18 @@ def _train(
         if logger is not None:
             logger.close()
     return True
+
+
+def _learn(model: BaseAlgorithm, steps: int, recorder: Recorder) -> None:
+    try:
+        model.learn(steps, recorder, reset_num_timesteps=False)
+    except ValueError as error:
+        if not has_diverged(model):
+            raise
+        raise RunError(
+            f"the training diverged before step {model.num_timesteps:,}: its networks hold NaN or "
+            "infinity. A smaller learning_rate is the first thing to try."
+        ) from error
 
 
 def open_model(
