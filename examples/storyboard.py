@@ -101,7 +101,7 @@ def make(storyboard: Storyboard) -> tuple[TaskWrapper, Policy]:
         return environment, do_nothing(space)
     if storyboard.policy == "random":
         return environment, RandomPolicy(space, seed=0)
-    return environment, import_policy(storyboard.policy)
+    return environment, import_policy(storyboard.policy, space)
 
 
 def play(environment: TaskWrapper, policy: Policy, seed: int) -> list[Moment]:

@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 
 CLEARANCE = 0.2
-"""Horizontal distance from the lander's centre to an edge that it passes; it is 0.12 half wide."""
+"""Horizontal distance of the lander's centre from an edge that it passes; its legs reach 0.12."""
 HEADROOM = 0.25
 """Height above the obstacle at which the lander waits until it can pass."""
+LOW = 0.1
+"""Height at which it waits until it is above the pad."""
 
 
 def fly(observation: Any) -> np.ndarray:
@@ -32,11 +34,15 @@ def fly(observation: Any) -> np.ndarray:
     is_above = y > bottom - 0.1
     x_wanted = float(beside) if is_above else 0.0
     is_clear = not left - 0.15 < x < right + 0.15
-    floor = top + HEADROOM if is_above and not is_clear else -1.0
-    # Far from where it should be, it sinks slowly; the ground needs the softest touch.
-    sinking = np.clip(0.35 * (y - max(floor, 0.0)), 0.08, 0.35)
-    vy_wanted = 0.3 * (floor - y) if y < floor + 0.1 else -sinking
-    angle_wanted = np.clip(0.8 * (x - x_wanted) + 1.2 * vx, -0.4, 0.4)
+    floor = 0.0
+    if is_above and not is_clear:
+        floor = top + HEADROOM
+    elif not is_above and abs(x) > 0.1 and not (leg or other_leg):
+        floor = LOW
+    # The ground needs a soft touch, and a height to wait at is approached slowly.
+    sinking = np.clip(0.35 * (y - floor), 0.08, 0.35)
+    vy_wanted = 0.3 * (floor - y) if floor > 0 and y < floor + 0.1 else -sinking
+    angle_wanted = np.clip(x - x_wanted + vx, -0.4, 0.4)
     main = 8.0 * (vy_wanted - vy)
     lateral = 12.0 * (angle - angle_wanted) + 20.0 * spin
     return np.clip([main, lateral], -1.0, 1.0).astype(np.float32)
