@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hprs import parse_task
-from hprs.rewards import Hierarchical, Reward, Sparse
+from hprs.rewards import Hierarchical, Reward, sparse
 from hprs.semantics.assessment import achieved, is_safe, start
 from hprs.semantics.evaluation import evaluate
 from hprs.semantics.plan import plan_of
@@ -89,7 +89,7 @@ def random_problem(seed: int, *, leak: float) -> tuple[Task, Problem]:
 def test_invariant_keeps_the_optimal_actions_of_every_state_discounted(seed: int) -> None:
     task, problem = random_problem(seed, leak=0.0)
     discount = (0.9, 0.99, 0.5)[seed % 3]
-    base = problem.optimal_actions(Sparse(task), discount)
+    base = problem.optimal_actions(sparse(task), discount)
     shaped = problem.optimal_actions(Hierarchical(task, "invariant", discount), discount)
     assert np.array_equal(base, shaped)
 
@@ -98,7 +98,7 @@ def test_invariant_keeps_the_optimal_actions_of_every_state_discounted(seed: int
 def test_invariant_keeps_the_optimal_actions_of_every_state_undiscounted(seed: int) -> None:
     """Every policy is proper: each action leaks to a terminal state."""
     task, problem = random_problem(seed, leak=0.1)
-    base = problem.optimal_actions(Sparse(task), 1.0)
+    base = problem.optimal_actions(sparse(task), 1.0)
     shaped = problem.optimal_actions(Hierarchical(task, "invariant", 1.0), 1.0)
     assert np.array_equal(base, shaped)
 
@@ -108,7 +108,7 @@ def test_the_other_conventions_change_optimal_actions_of_some_of_these_problems(
     changed = 0
     for seed in range(40):
         task, problem = random_problem(seed, leak=0.1)
-        base = problem.optimal_actions(Sparse(task), 1.0)
+        base = problem.optimal_actions(sparse(task), 1.0)
         changed += not np.array_equal(base, problem.optimal_actions(Hierarchical(task, end), 1.0))
     assert changed > 0
 
@@ -144,7 +144,7 @@ def test_smallest_counterexample_for_paper() -> None:
     np.testing.assert_allclose(GOAL.potential(problem.signals), [0.0, 1.0, 2.7])
     # Base reward: 1 against 0. With `paper`: 1 + 1 - 0 = 2 against 0 + 2.7 - 0.
     np.testing.assert_allclose(problem.rewards(Hierarchical(GOAL))[0, 1:], [2.0, 2.7])
-    assert problem.optimal_actions(Sparse(GOAL), 1.0).tolist() == [[True, False]]
+    assert problem.optimal_actions(sparse(GOAL), 1.0).tolist() == [[True, False]]
     assert problem.optimal_actions(Hierarchical(GOAL), 1.0).tolist() == [[False, True]]
     # Both other conventions pay 1 against 0 here.
     for reward in (Hierarchical(GOAL, "released"), Hierarchical(GOAL, "invariant", 1.0)):
@@ -163,7 +163,7 @@ def test_smallest_counterexample_for_released() -> None:
     assert rewards[0, 1] == 1.0
     assert rewards[0, 2] == pytest.approx(2.7)
     assert rewards[2, 3] == 0.0
-    assert problem.optimal_actions(Sparse(GOAL), 1.0)[0].tolist() == [True, False]
+    assert problem.optimal_actions(sparse(GOAL), 1.0)[0].tolist() == [True, False]
     released = problem.optimal_actions(Hierarchical(GOAL, "released"), 1.0)
     assert released[0].tolist() == [False, True]
     # `paper` takes the 2.7 back (0.0 in the end), and so does `invariant`.
@@ -186,7 +186,7 @@ def test_paper_is_not_invariant_under_a_discount_even_without_an_end() -> None:
     problem = choice({"x": [0.0, 1.0, 0.9], "v": [0.0, 1.0, 0.0]}, [], (1, 2))
     # Psi: 0; 1; 0.9 * 4 = 3.6. Discount 0.5: `paper` pays 1 + 1 + (0.5 + 0.25 + ..) = 3 for the goal
     # and 3.6 for the other; the base reward pays 2 against 0.
-    assert problem.optimal_actions(Sparse(task), 0.5)[0].tolist() == [True, False]
+    assert problem.optimal_actions(sparse(task), 0.5)[0].tolist() == [True, False]
     assert problem.optimal_actions(Hierarchical(task), 0.5)[0].tolist() == [False, True]
     kept = problem.optimal_actions(Hierarchical(task, "invariant", 0.5), 0.5)[0]
     assert kept.tolist() == [True, False]
@@ -202,5 +202,5 @@ def test_paper_keeps_the_optimum_where_all_ends_have_the_same_potential() -> Non
         transitions = rng.dirichlet(np.full(8, 0.3), size=(8, 3))
         transitions = 0.8 * transitions + 0.1 * terminal
         problem = Problem({"x": x}, terminal, transitions)
-        base = problem.optimal_actions(Sparse(task), 1.0)
+        base = problem.optimal_actions(sparse(task), 1.0)
         assert np.array_equal(base, problem.optimal_actions(Hierarchical(task), 1.0))

@@ -12,7 +12,7 @@ import torch
 
 from hprs import make_reward, parse_task
 from hprs.errors import UsageError
-from hprs.rewards import ENDS, REWARDS, EnvironmentReward, Hierarchical, Reward, Sparse
+from hprs.rewards import ENDS, REWARDS, Hierarchical, Reward, environment_reward, sparse
 from hprs.spec.task import Task
 from tests.semantics.random_tasks import random_signals, random_task
 
@@ -41,7 +41,7 @@ def episodes(seed: int) -> tuple[Task, dict[str, Any], np.ndarray, np.ndarray]:
         task,
         trace,
         task.potential(trace),
-        rollout(Sparse(task), trace, terminated=True, truncated=False),
+        rollout(sparse(task), trace, terminated=True, truncated=False),
     )
 
 
@@ -97,23 +97,23 @@ def test_conventions_by_hand() -> None:
     assert rollout(Hierarchical(LINE, "invariant", 0.9), trace, **ended) == pytest.approx(
         [0.075, -0.75]
     )
-    assert rollout(Sparse(LINE), trace, **ended) == pytest.approx([0.0, 1.0])
+    assert rollout(sparse(LINE), trace, **ended) == pytest.approx([0.0, 1.0])
 
 
 def test_sparse_pays_in_every_state_that_meets_the_target_safe_or_not() -> None:
     trace = {"x": [0.9, 0.5, 0.8, 1.0, 0.7]}
-    paid = rollout(Sparse(LINE), trace, terminated=False, truncated=False)
+    paid = rollout(sparse(LINE), trace, terminated=False, truncated=False)
     assert paid.tolist() == [0.0, 1.0, 1.0, 0.0]
 
 
 def test_without_a_target_the_base_reward_is_zero() -> None:
     task = parse_task("signal x in [0, 1]\nensure low: x <= 0.9")
-    assert Sparse(task).step(None, {"x": 0.5}, True, False) == (None, 0.0)
-    assert Sparse(task).step(None, {"x": np.ones(2)}, True, False)[1].tolist() == [0.0, 0.0]
+    assert sparse(task).step(None, {"x": 0.5}, True, False) == (None, 0.0)
+    assert sparse(task).step(None, {"x": np.ones(2)}, True, False)[1].tolist() == [0.0, 0.0]
 
 
 def test_env_passes_the_environments_own_reward() -> None:
-    reward = EnvironmentReward(LINE)
+    reward = environment_reward(LINE)
     assert reward.init({"x": 0.0, "env_reward": 0.0}) is None
     assert reward.step(None, {"x": 0.0, "env_reward": -3.5}, False, False) == (None, -3.5)
 
@@ -178,9 +178,9 @@ def test_rewards_by_name() -> None:
     assert make_reward("hprs", LINE, end="invariant", discount=1) == Hierarchical(
         LINE, "invariant", 1
     )
-    assert make_reward("sparse", LINE) == Sparse(LINE)
-    assert make_reward("env", LINE) == EnvironmentReward(LINE)
-    assert Sparse(LINE).init({"x": 0.0}) is None
+    assert make_reward("sparse", LINE) == sparse(LINE)
+    assert make_reward("env", LINE) == environment_reward(LINE)
+    assert sparse(LINE).init({"x": 0.0}) is None
 
 
 BAD_REWARDS = [

@@ -1,11 +1,14 @@
-"""The one shape of every reward."""
+"""The one shape of every reward, and the simplest rewards of that shape."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 from hprs.semantics.evaluation import Signals
 from hprs.spec.namespace import Array
+from hprs.spec.task import Task
 
 
 class Reward(Protocol):
@@ -31,3 +34,27 @@ class Reward(Protocol):
             truncated: Whether the episode was cut off in it; the same forms.
         """
         ...
+
+
+@dataclass(frozen=True)
+class StateReward:
+    """A reward of the state reached alone: nothing is remembered, and no end of an episode matters.
+
+    Args:
+        task: The task.
+        paid: The reward of a state, from the task and the state's signals.
+    """
+
+    task: Task
+    paid: Callable[[Task, Signals], Array]
+
+    def init(self, signals: Signals) -> None:
+        """Nothing to remember."""
+        del signals
+
+    def step(
+        self, memory: None, signals: Signals, terminated: Array, truncated: Array
+    ) -> tuple[None, Array]:
+        """What the state reached is worth."""
+        del memory, terminated, truncated
+        return None, self.paid(self.task, signals)

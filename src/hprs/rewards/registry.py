@@ -7,9 +7,9 @@ from types import MappingProxyType
 
 from hprs.errors import UsageError, did_you_mean
 from hprs.rewards.base import Reward
-from hprs.rewards.environment import EnvironmentReward
+from hprs.rewards.environment import environment_reward
 from hprs.rewards.hierarchical import DEFAULT_END, End, Hierarchical, check_convention
-from hprs.rewards.sparse import Sparse
+from hprs.rewards.sparse import sparse
 from hprs.spec.task import Task, require_task
 
 Factory = Callable[[Task, End, float | None], Reward]
@@ -17,8 +17,8 @@ Factory = Callable[[Task, End, float | None], Reward]
 REWARDS: Mapping[str, Factory] = MappingProxyType(
     {
         "hprs": Hierarchical,
-        "sparse": lambda task, end, discount: Sparse(task),
-        "env": lambda task, end, discount: EnvironmentReward(task),
+        "sparse": lambda task, end, discount: sparse(task),
+        "env": lambda task, end, discount: environment_reward(task),
     }
 )
 """Name to a function of task, end-of-episode convention and discount."""

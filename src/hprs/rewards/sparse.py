@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from hprs.rewards.base import StateReward
 from hprs.semantics.evaluation import Evaluation, Signals, evaluate
 from hprs.semantics.plan import plan_of
 from hprs.spec.namespace import Array
 from hprs.spec.task import Task
 
 
-@dataclass(frozen=True)
-class Sparse:
+def sparse(task: Task) -> StateReward:
     """The paper's base reward R(s, a, s') (section "Base reward"); 0 where there is no target."""
+    return StateReward(task, _paid)
 
-    task: Task
 
-    def init(self, signals: Signals) -> None:
-        """Nothing to remember."""
-        del signals
-
-    def step(
-        self, memory: None, signals: Signals, terminated: Array, truncated: Array
-    ) -> tuple[None, Array]:
-        """1 where the target's predicate holds in the state reached."""
-        del memory, terminated, truncated
-        return None, base_reward(plan_of(self.task).target_row, evaluate(self.task, signals))
+def _paid(task: Task, signals: Signals) -> Array:
+    return base_reward(plan_of(task).target_row, evaluate(task, signals))
 
 
 def base_reward(target_row: int | None, evaluation: Evaluation) -> Array:
