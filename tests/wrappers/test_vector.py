@@ -251,3 +251,95 @@ def test_initial_values_of_vectors_and_single_precision_equal_the_single_wrapper
     if mode == AutoresetMode.NEXT_STEP:
         for _ in range(20):
             envs.step(np.full((count, 1), 0.3))
+
+
+class FromInfo(gym.vector.VectorEnv):
+    """A native vector environment that draws from its own generator, and reports in `info`."""
+
+    metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
+    num_envs = 2
+    single_observation_space = observation_space = gym.spaces.Box(-1.0, 1.0, (1,))
+    single_action_space = action_space = gym.spaces.Discrete(2)
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        return np.zeros((2, 1)), {"lap": self.np_random.uniform(size=2)}
+
+
+def lap_task():
+    return hprs.parse_task("signal lap = info.lap in [0, 1]\nconquer far: lap >= 0.5")
+
+
+@pytest.mark.parametrize("context", [None, "spawn"])
+def test_wrapping_moves_no_random_draw_of_sub_environments(context):
+    def make():
+        envs = (
+            SyncVectorEnv([Slider] * 2)
+            if context is None
+            else AsyncVectorEnv([Slider] * 2, context=context)
+        )
+        envs.reset(seed=11)
+        return envs
+
+    bare, wrapped = make(), make()
+    outside = wrap_vector(wrapped, slider_task())
+    try:
+        for _ in range(2):
+            np.testing.assert_array_equal(outside.reset()[0], bare.reset()[0])
+    finally:
+        bare.close()
+        outside.close()
+
+
+def test_wrapping_moves_no_random_draw_of_a_native_vector_environment():
+    bare, inner = FromInfo(), FromInfo()
+    bare.reset(seed=3)
+    inner.reset(seed=3)
+    drawn = bare.reset()[1]["lap"]
+    envs = wrap_vector(inner, lap_task())
+    np.testing.assert_array_equal(envs.reset()[1]["lap"], drawn)
+    # One that has never drawn has no generator yet, and gets none.
+    unseeded = FromInfo()
+    wrap_vector(unseeded, lap_task())
+    assert unseeded._np_random is None
+
+
+class Wrong(FromInfo):
+    """Supplies what a task cannot read."""
+
+    def __init__(self, lap):
+        self.lap = lap
+
+    def reset(self, *, seed=None, options=None):
+        return np.zeros((2, 1)), {} if self.lap is None else {"lap": self.lap}
+
+
+@pytest.mark.parametrize(
+    ("lap", "message"),
+    [
+        (None, "signal 'lap' is missing at reset: info has no 'lap'"),
+        (
+            np.zeros((2, 3)),
+            r"'lap' must have shape \(2,\), one row a sub-environment, got shape \(2, 3\)",
+        ),
+        (0.5, r"'lap' must have shape \(2,\), one row a sub-environment, got shape \(\)"),
+        (np.array(["a", "b"]), r"'lap' must be an array of numbers of shape \(2,\), got array"),
+        (np.array([0.5, np.nan]), "signal 'lap' is NaN at step 0 of sub-environment 1"),
+    ],
+)
+def test_what_info_must_not_hold_is_refused_when_wrapping(lap, message):
+    with pytest.raises(SignalError, match=message):
+        wrap_vector(Wrong(lap), lap_task())
+
+
+def test_a_function_over_batches_is_checked_when_wrapping():
+    lap = hprs.parse_task("signal lap in [0, 1]\nconquer far: lap >= 0.5")
+    for returned, message in (
+        (None, "must return a dictionary"),
+        ({"lapp": np.zeros(2)}, "'lapp', which is no signal of the task. Did you mean 'lap'"),
+        ({"lap": np.zeros(3)}, "must have shape"),
+    ):
+        with pytest.raises(SignalError, match=message):
+            wrap_vector(FromInfo(), lap, signals=lambda *_, value=returned: value)
+    envs = wrap_vector(FromInfo(), lap, signals=lambda *_: {"lap": [0.25, 2.0]})
+    assert envs.reset()[1]["margins"]["far"].tolist() == [-0.25, 1.5]

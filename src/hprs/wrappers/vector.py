@@ -6,7 +6,7 @@ sub-environment, so that a caller sees nothing but the wrapped environment's aut
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, cast
 
 import numpy as np
@@ -21,6 +21,7 @@ from hprs.semantics import assessment
 from hprs.semantics.evaluation import Evaluation, carry, evaluate_arrays
 from hprs.semantics.plan import plan_of
 from hprs.spec.task import ENV_REWARD, Task
+from hprs.wrappers.batch import BatchReader
 from hprs.wrappers.merging import (
     copy_batch,
     masked,
@@ -30,8 +31,9 @@ from hprs.wrappers.merging import (
     take_row,
     without_rows,
 )
+from hprs.wrappers.probing import undisturbed
 from hprs.wrappers.resets import Mask, forced_reset, reset_by_mask
-from hprs.wrappers.signals import SignalFunction, info_mask, make_reader, zero_action
+from hprs.wrappers.signals import SignalFunction, make_reader, zero_action
 from hprs.wrappers.single import nan_margin, warn_of_changed_observations
 
 
@@ -89,19 +91,9 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
         warn_of_changed_observations(envs, _CHANGES_OBSERVATIONS)
         self._plan = plan = plan_of(task)
         self._mode = AutoresetMode(envs.metadata.get("autoreset_mode", AutoresetMode.NEXT_STEP))
-        self._reader = make_reader(
-            task, envs.single_observation_space, envs.single_action_space, signals
-        )
-        lengths = {s.name: () if s.length is None else (s.length,) for s in task.signals}
-        self._shapes = {name: (envs.num_envs, *lengths[name]) for name in plan.signals}
-        self._fillers = {
-            name: min(max(0.0, task.ranges[name].low), task.ranges[name].high)
-            for name in plan.signals
-        }
-        self._scalars = [name for name in plan.signals if name not in self._reader.vectors]
-        ends = [task.ranges[name] for name in self._scalars]
-        self._lows = np.array([[end.low] for end in ends])
-        self._highs = np.array([[end.high] for end in ends])
+        reader = make_reader(task, envs.single_observation_space, envs.single_action_space, signals)
+        self._signals = BatchReader(task, reader, envs.num_envs)
+        self._reads_last_action = reader.reads_last_action
         self._end_on_violation = end_on_violation and plan.safety_count > 0
         self._end_on_target = end_on_target and plan.achieves
         self._force: Callable[[Mask], None] | None = None
@@ -115,10 +107,11 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
         self._memory: Any = None
         self._tally: Any = None
         self._last_action: Any = None
-        self._outside = np.zeros((len(plan.signals), self.num_envs), np.int64)
-        if self._reader.needs_probe:
-            observation, infos = envs.reset()
-            self._reader.at_reset(observation, self._zeros, infos)
+        if reader.needs_probe:
+            with undisturbed(envs):
+                observation, infos = envs.reset()
+            reader.at_reset(observation, self._zeros, infos)
+            self._signals.at_reset(observation, self._zeros, infos, self._everyone)
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
@@ -182,8 +175,11 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
         """Reward, ends and info entries of the transitions; rows of `resetting` are not any."""
         plan = self._plan
         partial = resetting.any()
-        values = self._signals(observation, actions, infos, resetting)
-        evaluation = self._evaluate(values, ~resetting)
+        steps = self._tally.steps + 1
+        values = self._signals.after_step(
+            observation, actions, self._last_action, infos, ~resetting, steps
+        )
+        evaluation = self._evaluate(values, ~resetting, steps)
         tally = assessment.advance(plan, self._tally, evaluation.satisfied)
         if self._end_on_violation:
             terminated = terminated | ~assessment.is_safe(tally)
@@ -238,13 +234,8 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
 
     def _begin(self, mask: Mask, observation: Any, infos: dict[str, Any]) -> dict[str, Any]:
         """Start new episodes in the rows of a mask, whose observation is s_0."""
-        missing = {
-            name: initial
-            for name, initial in self._reader.initially.items()
-            if not self._present(name, infos)[mask].all()
-        }
-        values = self._read(observation, self._zeros, self._zeros, infos, missing, mask)
-        evaluation = self._evaluate(values, mask, at_reset=True)
+        values = self._signals.at_reset(observation, self._zeros, infos, mask)
+        evaluation = self._evaluate(values, mask, np.zeros(self.num_envs, int))
         memory = self.reward.init(values)
         tally = assessment.start(self._plan, evaluation.satisfied)
         whole = self._tally is None or mask.all()
@@ -255,101 +246,15 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
             self._last_action = np.array(last)
         return merge_infos(infos, self._describe(evaluation, mask), mask)
 
-    def _signals(
-        self, observation: Any, actions: Any, infos: dict[str, Any], resetting: Mask
-    ) -> dict[str, Any]:
-        return self._read(observation, actions, self._last_action, infos, {}, ~resetting)
-
-    def _read(
-        self,
-        observation: Any,
-        actions: Any,
-        last_actions: Any,
-        infos: dict[str, Any],
-        missing: Mapping[str, Any],
-        mask: Mask,
-    ) -> dict[str, Any]:
-        """Signals of all rows; those outside the mask may hold anything."""
-        values: dict[str, Any] = {}
-        given: Mapping[str, Any] = {}
-        if self._reader.function is not None:
-            given = self._reader.function(observation, actions, last_actions, infos)
-        for name, read in self._reader.reads.items():
-            if name in given:
-                values[name] = np.asarray(given[name], dtype=np.float64)
-                continue
-            present = self._present(name, infos)
-            if not present[mask].all() and name not in missing:
-                row = int(np.flatnonzero(mask & ~present)[0])
-                raise SignalError(
-                    f"signal '{name}' is missing in sub-environment {row}: its info does not "
-                    "supply it."
-                )
-            # In rows that supply nothing stands the initial value, or any value of the range. The
-            # single wrapper computes in double precision; so does this one.
-            value = np.broadcast_to(missing.get(name, self._fillers[name]), self._shapes[name])
-            if present.any():
-                read_value = np.asarray(read(observation, actions, last_actions, infos), np.float64)
-                here = present if value.ndim == 1 else present[:, None]
-                value = read_value if present.all() else np.where(here, read_value, value)
-            values[name] = value
-        return values
-
-    def _present(self, name: str, infos: dict[str, Any]) -> Mask:
-        keys = getattr(self._reader.reads[name], "keys", None)
-        return self._everyone if keys is None else info_mask(infos, keys, self.num_envs)
-
-    def _evaluate(
-        self, values: dict[str, Any], mask: Mask, *, at_reset: bool = False
-    ) -> Evaluation:
-        outside = self._find_outside(values, mask)
+    def _evaluate(self, values: dict[str, Any], mask: Mask, steps: Any) -> Evaluation:
         evaluation = evaluate_arrays(self._plan, values, np)
-        if at_reset:
-            self._outside[:, mask] = 0
-        if outside is not None:
-            self._outside += outside & mask
-        invalid = np.isnan(evaluation.potential)
-        if invalid.any() and (invalid & mask).any():
-            row = int(np.flatnonzero(invalid & mask)[0])
+        invalid = np.isnan(evaluation.potential) & mask
+        if invalid.any():
+            row = int(np.flatnonzero(invalid)[0])
             margins = self._plan.by_label([margin[row] for margin in evaluation.margins])
-            raise nan_margin(margins, f"{self._step_of(row)} of sub-environment {row}")
+            raise nan_margin(margins, f"{int(steps[row])} of sub-environment {row}")
         carry(values, self.task, evaluation)
         return evaluation
-
-    def _find_outside(self, values: dict[str, Any], mask: Mask) -> Any:
-        """Row a signal: where it left its range; None if nowhere."""
-        inside = np.ones((len(self._plan.signals), self.num_envs), bool)
-        if self._scalars:
-            stacked = np.stack([values[name] for name in self._scalars])
-            within = (stacked >= self._lows) & (stacked <= self._highs)
-            if not self._reader.vectors:
-                inside = within
-            else:
-                inside[[self._plan.signals.index(name) for name in self._scalars]] = within
-        for name in self._reader.vectors:
-            bounds, value = self.task.ranges[name], values[name]
-            row = self._plan.signals.index(name)
-            inside[row] = ((value >= bounds.low) & (value <= bounds.high)).all(axis=-1)
-        if inside.all():
-            return None
-        for number, name in enumerate(self._plan.signals):
-            value = values[name]
-            unknown = (
-                np.isnan(value).reshape(self.num_envs, -1).any(axis=1) & mask & ~inside[number]
-            )
-            if unknown.any():
-                row = int(np.flatnonzero(unknown)[0])
-                raise SignalError(
-                    f"signal '{name}' is NaN at step {self._step_of(row)} of sub-environment {row}."
-                )
-        return ~inside
-
-    def _step_of(self, row: Any) -> int:
-        return 0 if self._tally is None else int(self._tally.steps[row]) + 1
-
-    @property
-    def _reads_last_action(self) -> bool:
-        return self._reader.reads_last_action
 
     def _describe(self, evaluation: Evaluation, mask: Mask) -> dict[str, Any]:
         plan = self._plan
@@ -372,12 +277,7 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
                 int(self._tally.steps[row]),
                 bool(self._tally.decided_at_start[row]),
             )
-            outside = {
-                name: int(count)
-                for name, count in zip(self._plan.signals, self._outside[:, row], strict=True)
-                if count
-            }
-            found[row] = assessment.conclude(self._plan, tally, outside=outside)
+            found[row] = assessment.conclude(self._plan, tally, outside=self._signals.outside(row))
         return found
 
     def _last(self, observation: Any, infos: dict[str, Any], ended: Mask) -> tuple[Any, Any]:
