@@ -11,12 +11,13 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import numpy as np
 import tyro
 
 from hprs.cli.console import console
+from hprs.cli.evaluate import Evaluate
 from hprs.cli.measures_table import print_measures, print_notes
 from hprs.cli.progress import TrainingProgress
 from hprs.errors import HprsError
@@ -31,8 +32,11 @@ if TYPE_CHECKING:
     from PIL import Image
 
     from hprs.spec.task import Task
+    from hprs.training.run_directory import Which
 
 ENVIRONMENT = "hprs/CartPole-v0"
+WHICH = cast("Which", Evaluate.which)
+"""The policy that is assessed and filmed: what `hprs evaluate` assesses too."""
 FRAME_EVERY = 4
 """Steps between two frames of the film."""
 FILM_SIZE = (400, 200)
@@ -48,8 +52,8 @@ class Demo:
     """Another task for the cart pole; default: the benchmark's own."""
     seed: int = 0
     """Seed of the training."""
-    steps: int = 300_000
-    """Environment steps of the training."""
+    steps: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
+    """Environment steps of the training; default: what the benchmark needs."""
     episodes: int = 50
     """Episodes of the assessment."""
     out: Path = Path("runs/demo")
@@ -84,7 +88,7 @@ def main(demo: Demo) -> None:
 
 
 def assess(run: RunDirectory, count: int) -> None:
-    """Assess the trained policy on episodes that it was not chosen by, and print the table."""
+    """Assess the trained policy on episodes that the training has not seen, and print the table."""
     configuration = run.configuration
     task, seeds = configuration.task, episode_seeds(FINAL_SEEDS, count)
 
@@ -99,9 +103,9 @@ def assess(run: RunDirectory, count: int) -> None:
         "doing nothing": episodes(do_nothing(space)),
         "random": episodes(RandomPolicy(space, seed=0)),
     }
-    assessments = episodes(sb3.load_policy(run, "best"))
+    assessments = episodes(sb3.load_policy(run, WHICH))
     print_measures(
-        f"The best policy of the training, {count} episodes:",
+        f"The {WHICH} policy of the training, {count} episodes:",
         task,
         measures(task, assessments),
         floors={
@@ -144,7 +148,7 @@ def draw_learning_curve(run: RunDirectory, path: Path) -> Path:
 def film_episode(run: RunDirectory, path: Path) -> Path:
     """Film one episode, with the state of every requirement below the scene."""
     os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
-    policy = sb3.load_policy(run, "best")
+    policy = sb3.load_policy(run, WHICH)
     environment = make_configured(run.configuration, render_mode="rgb_array")
     task = run.configuration.task
     observation, info = environment.reset(seed=FINAL_SEEDS)
