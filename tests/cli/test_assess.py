@@ -40,6 +40,13 @@ def test_a_trace_is_assessed_from_its_first_state_on(hprs, trace):
     }
 
 
+def test_a_trace_is_assessed_by_other_constants(hprs, trace):
+    code, out, _ = hprs(
+        "assess", "trace.csv", "--task", "hprs/CartPole-v0", "--const", "mark=-1", "--json"
+    )
+    assert (code, json.loads(out)["target"]) == (0, False)
+
+
 def test_the_table_says_what_is_met(hprs, here):
     (here / "trace.csv").write_text(TRACE.replace("0.04,1.0", "0.04,9.0"))
     code, out, _ = hprs("assess", "trace.csv", "--task", "hprs/CartPole-v0")

@@ -19,6 +19,21 @@ def test_check_reads_a_file(hprs):
     assert "position >= 0.45" in out
 
 
+def test_check_takes_other_constants(hprs, here):
+    code, out, _ = hprs("check", "hprs/CartPole-v0", "--const", "mark=-2", "--json")
+    assert code == 0
+    parked = json.loads(out)["requirements"][2]
+    assert (parked["label"], parked["low"]) == ("parked", pytest.approx(-6.55))
+    code, out, err = hprs("check", "hprs/CartPole-v0", "--const", "marc=1")
+    assert (code, out) == (1, "")
+    assert err == "hprs/CartPole-v0: the task has no constant 'marc'. Did you mean 'mark'?\n"
+    code, _, err = hprs("check", "hprs/CartPole-v0", "--const", "mark")
+    assert (code, err) == (
+        2,
+        "hprs: a constant is given as NAME=VALUE, as in mark=-1; got 'mark'.\n",
+    )
+
+
 def test_a_wrong_task_exits_with_1_and_a_caret(hprs, here):
     (here / "wrong.hprs").write_text("signal x = obs[0] in [0, 1]\nensure low: y <= 0.5\n")
     code, out, err = hprs("check", "wrong.hprs")

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from hprs.cli.inputs import Constants, task_by_name
+
 if TYPE_CHECKING:
     from hprs.semantics.assessment import Assessment
     from hprs.spec.task import Task
@@ -29,16 +31,16 @@ class Assess:
     """The recorded episode."""
     task: Annotated[str, tyro.conf.arg(metavar="FILE")]
     """Task file, or the id of a benchmark."""
+    constants: Constants = ()
     json: bool = False
     """Print JSON instead of a table."""
 
     def run(self) -> int:
         """Assess the trace."""
-        from hprs.cli.inputs import task_by_name
         from hprs.cli.trace_file import read_trace
         from hprs.semantics.assessment import assess
 
-        task = task_by_name(self.task)
+        task = task_by_name(self.task, self.constants)
         found = assess(task, read_trace(self.trace, task))
         show = _print_json if self.json else _print
         show(self.trace, task, found)

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from hprs.cli.inputs import Constants, task_by_name
+
 if TYPE_CHECKING:
     from hprs.spec.task import Task
 
@@ -20,20 +22,21 @@ class Check:
     Examples:
       hprs check my_task.hprs
       hprs check hprs/CartPole-v0          a benchmark's own task
+      hprs check my_task.hprs --const mark=-1
       hprs check my_task.hprs --json
     """
 
     task: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="TASK")]
     """Task file, or the id of a benchmark."""
+    constants: Constants = ()
     json: bool = False
     """Print JSON instead of a table."""
 
     def run(self) -> int:
         """Check the task."""
         from hprs.cli.console import print_json
-        from hprs.cli.inputs import task_by_name
 
-        task = task_by_name(self.task)
+        task = task_by_name(self.task, self.constants)
         if self.json:
             print_json(_content(task))
         else:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
+from hprs.cli.inputs import Constants
 from hprs.errors import UsageError
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ class Evaluate:
     """The policy of a run: last, or best (by PAM)."""
     task: Annotated[str | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
     """Task file for an environment without its own; for a run, a task to assess it by instead."""
+    constants: Constants = ()
     policy: Annotated[str | None, tyro.conf.arg(metavar="POLICY", help_behavior_hint="")] = None
     """zero, random, a .zip of Stable-Baselines3, or module:function."""
     horizon: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
@@ -85,6 +87,7 @@ class Evaluate:
 
     def _run(self) -> tuple[str, Callable[[], TaskWrapper], Mapping[str, Policy]]:
         from hprs.errors import did_you_mean
+        from hprs.spec.parameters import override, parse_constants
         from hprs.training import sb3
         from hprs.training.environment import make_environment, read_task
         from hprs.training.policies import check_spaces
@@ -102,6 +105,7 @@ class Evaluate:
         runs = find_runs(Path(self.subject))
         configuration = runs[0].configuration
         task = read_task(self.task)[0] if self.task else configuration.task
+        task = override(task, parse_constants(self.constants), path=self.task or self.subject)
 
         def make() -> TaskWrapper:
             return make_environment(
@@ -126,9 +130,10 @@ class Evaluate:
         return title, make, policies
 
     def _policy(self) -> tuple[str, Callable[[], TaskWrapper], Mapping[str, Policy]]:
+        from hprs.spec.parameters import parse_constants
         from hprs.training.environment import find_task, make_environment
 
-        task, _ = find_task(self.subject, self.task)
+        task, _ = find_task(self.subject, self.task, parse_constants(self.constants))
 
         def make() -> TaskWrapper:
             return make_environment(self.subject, task, "sparse", horizon=self.horizon)

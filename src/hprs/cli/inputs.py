@@ -2,17 +2,42 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Annotated
+
+import tyro
+
 from hprs.errors import UsageError
 from hprs.spec.task import Task
 
+Constants = Annotated[
+    tyro.conf.UseAppendAction[tuple[str, ...]],
+    tyro.conf.arg(
+        name="const",
+        metavar="NAME=VALUE",
+        help="Another value for a constant of the task, such as mark=-1 or tilt='12 deg'.",
+    ),
+]
+"""The option `--const` of every subcommand that reads a task."""
 
-def task_by_name(name: str) -> Task:
+
+def task_by_name(name: str, constants: Sequence[str] = ()) -> Task:
     """The task of a file, or of a benchmark.
 
+    Args:
+        name: File, or id of a benchmark.
+        constants: Other values for its constants, as `NAME=VALUE`.
+
     Raises:
-        UsageError: There is neither.
-        SpecError: The task is wrong.
+        UsageError: There is neither, or a pair is malformed.
+        SpecError: The task is wrong, or has no such constant.
     """
+    from hprs.spec.parameters import override, parse_constants
+
+    return override(_named(name), parse_constants(constants), path=name)
+
+
+def _named(name: str) -> Task:
     from pathlib import Path
 
     from hprs.errors import did_you_mean

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from hprs.cli.inputs import Constants
 from hprs.errors import UsageError
 from hprs.rewards.hierarchical import End
 from hprs.rewards.registry import REWARDS
@@ -31,6 +32,7 @@ class Train:
       hprs train hprs/CartPole-v0
       hprs train hprs/CartPole-v0 --seeds 5 --set learning_rate=0.001 --set net_arch=[32,32]
       hprs train hprs/CartPole-v0 --task my_task.hprs --reward sparse
+      hprs train hprs/CartPole-v0 --const mark=-1
       hprs train hprs/LunarLanderObstacle-v0 --env obstacle=[-0.1,0.1]
       hprs train MountainCarContinuous-v0 --task my_task.hprs --steps 50000
       hprs train my_module:MyEnv-v0 --task my_task.hprs --horizon 1000
@@ -44,6 +46,7 @@ class Train:
     """Benchmark (`hprs tasks`), any Gymnasium id, or module:id."""
     task: Annotated[str | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
     """Task file; a benchmark has its own."""
+    constants: Constants = ()
     reward: Annotated[
         str, tyro.conf.arg(help=f"What the learner is paid: {', '.join(REWARDS)}.")
     ] = Configuration.reward
@@ -114,6 +117,7 @@ class Train:
     def _configure(self) -> Configuration:
         from typing import cast
 
+        from hprs.spec.parameters import parse_constants
         from hprs.training import sb3
         from hprs.training.algorithms import parse_settings
 
@@ -131,6 +135,7 @@ class Train:
         return sb3.configure(
             self.environment,
             task_path=self.task,
+            constants=parse_constants(self.constants),
             reward=self.reward,
             end=cast("End", self.end),
             algorithm=self.algorithm,

@@ -14,7 +14,10 @@ import gymnasium as gym
 import hprs.envs
 from hprs.errors import MissingExtraError, UsageError, did_you_mean
 from hprs.rewards.hierarchical import DEFAULT_END, End
+from hprs.spec.expression import ExpressionLike
+from hprs.spec.parameters import override
 from hprs.spec.parser import load_task, parse_task
+from hprs.spec.printer import format_task
 from hprs.spec.task import Task
 from hprs.training.configuration import Configuration
 from hprs.wrappers.single import TaskWrapper, wrap
@@ -122,13 +125,30 @@ def make_configured(configuration: Configuration, **options: Any) -> TaskWrapper
     )
 
 
-def find_task(environment: str, path: str | None = None) -> tuple[Task, str]:
+def find_task(
+    environment: str,
+    path: str | None = None,
+    constants: Mapping[str, ExpressionLike] | None = None,
+) -> tuple[Task, str]:
     """A task and its text: from a file, or the benchmark's own.
+
+    Args:
+        environment: Gymnasium id, or `module:id`.
+        path: A task file; None: the benchmark's own task.
+        constants: Other values for constants of the task; its text then has them.
 
     Raises:
         UsageError: There is no such file, or the environment has no task of its own.
-        SpecError: The task is wrong.
+        SpecError: The task is wrong, or has no such constant.
     """
+    task, text = _named_task(environment, path)
+    if not constants:
+        return task, text
+    task = override(task, constants, path=path or environment)
+    return task, format_task(task)
+
+
+def _named_task(environment: str, path: str | None) -> tuple[Task, str]:
     if path is not None:
         return read_task(path)
     text = hprs.envs.task_text_of(environment)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from hprs.errors import UsageError, did_you_mean
 from hprs.rewards.hierarchical import ENDS, End
+from hprs.spec.expression import ExpressionLike
 from hprs.training import algorithms
 from hprs.training.configuration import Configuration
 from hprs.training.environment import check_options, find_task, make_environment, require
@@ -38,6 +39,7 @@ def configure(
     environment: str,
     *,
     task_path: str | None = None,
+    constants: Mapping[str, ExpressionLike] | None = None,
     reward: str = Configuration.reward,
     end: End = Configuration.end,
     algorithm: str | None = None,
@@ -54,6 +56,7 @@ def configure(
     Args:
         environment: Gymnasium id, or `module:id`.
         task_path: A task file; None: the benchmark's own task.
+        constants: Other values for constants of the task.
         reward: A name of `REWARDS`.
         end: End-of-episode convention of the shaping.
         algorithm: A name of `ALGORITHMS`; None: the benchmark's, or what suits the action space.
@@ -85,7 +88,7 @@ def configure(
         raise UsageError(
             f"unknown end '{end}'; choose one of {', '.join(ENDS)}.{did_you_mean(end, ENDS)}"
         )
-    task, text = find_task(environment, task_path)
+    task, text = find_task(environment, task_path, constants)
     options = dict(environment_options or {})
     check_options(environment, options)
     # Any discount will do to see that the reward exists and the environment has every signal.
