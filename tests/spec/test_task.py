@@ -5,6 +5,7 @@ import pickle
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import PurePosixPath
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,8 @@ from hprs.errors import (
     did_you_mean,
 )
 from hprs.rewards.registry import make_reward
-from hprs.semantics.plan import plan_of
+from hprs.semantics.assessment import assess
+from hprs.semantics.plan import Plan
 from hprs.spec.expression import Name, Number
 from hprs.spec.parser import parse_task
 from hprs.spec.printer import format_task
@@ -186,11 +188,19 @@ def test_python_objects_of_the_wrong_kind_are_named(
 
 @pytest.mark.parametrize("value", ["task.hprs", {"a": 1}, None])
 def test_where_a_task_is_needed_nothing_else_will_do(value: Any) -> None:
-    for use in (plan_of, lambda task: make_reward("hprs", task)):
-        with pytest.raises((UsageError, TypeError)) as caught:
+    uses = (format_task, lambda task: make_reward("hprs", task), lambda task: assess(task, {}))
+    for use in (*uses, Plan):
+        with pytest.raises(UsageError, match=r"a Task is needed here, got .*hprs.load_task\(path"):
             use(value)
-    assert "a Task is needed here" in str(caught.value)
-    assert "hprs.load_task(path)" in str(caught.value)
+
+
+def test_a_path_is_no_text_and_a_reward_has_a_name() -> None:
+    with pytest.raises(SpecTypeError, match=r"got PurePosixPath.*read by hprs.load_task\(path\)"):
+        parse_task(PurePosixPath("task.hprs"))  # type: ignore[arg-type]
+    with pytest.raises(UsageError, match="unknown reward '3'; choose one of hprs"):
+        make_reward(3, Task())  # type: ignore[arg-type]
+    with pytest.raises(SpecValidationError, match="a requirement is one of ensure"):
+        Requirement(["ensure"], "a", X <= 1)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

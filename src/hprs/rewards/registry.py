@@ -39,10 +39,10 @@ def make_reward(
         UsageError: The name or the convention is unknown, the discount is missing, or what is
             given as the task is none.
     """
-    if name not in REWARDS:
+    if name not in tuple(REWARDS):
         raise UsageError(
             f"unknown reward '{name}'; choose one of {', '.join(REWARDS)}."
-            f"{did_you_mean(name, REWARDS)}"
+            f"{did_you_mean(str(name), REWARDS)}"
         )
     check_convention(end, discount)
     return REWARDS[name](require_task(task), end, discount)

@@ -20,7 +20,7 @@ from hprs.semantics.evaluation import Signals, evaluate_arrays
 from hprs.semantics.plan import Plan, plan_of
 from hprs.semantics.trace import check_trace, count_outside
 from hprs.spec.namespace import Array, both, namespace_of, select
-from hprs.spec.task import Task
+from hprs.spec.task import Task, require_task
 
 SAFE, ACCOMPLISHED, COMFORT_SHARE = 1.0, 1.5, 0.25
 """PAM of a safe episode, of an accomplished one, and what full comfort adds."""
@@ -204,7 +204,7 @@ def assess(task: Task, trace: Signals, *, max_length: int | None = None) -> Asse
     Raises:
         TraceError: A signal is missing, NaN or no number, lengths differ, or there is not one step.
     """
-    plan = plan_of(task)
+    plan = plan_of(require_task(task))
     values = check_trace(plan, trace)
     xp = namespace_of(values.values())
     satisfied = evaluate_arrays(plan, values, xp).satisfied

@@ -20,7 +20,15 @@ from hprs.spec.expression import (
     Number,
     Predicate,
 )
-from hprs.spec.task import Constant, Definition, Preference, Requirement, Signal, Task
+from hprs.spec.task import (
+    Constant,
+    Definition,
+    Preference,
+    Requirement,
+    Signal,
+    Task,
+    require_task,
+)
 
 _T = TypeVar("_T")
 
@@ -38,6 +46,7 @@ _OPERANDS = {
 
 def format_task(task: Task) -> str:
     """The text of a task."""
+    require_task(task)
     groups = (
         _lines(_constant, task.constants),
         _lines(_signal, task.signals),

@@ -196,7 +196,7 @@ class Requirement:
 
     def __post_init__(self) -> None:
         """Check kind and predicate."""
-        if self.kind not in CLASSES:
+        if self.kind not in tuple(CLASSES):
             raise SpecValidationError(
                 f"a requirement is one of {', '.join(CLASSES)}, not '{self.kind}'.", self.position
             )

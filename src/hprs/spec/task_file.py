@@ -6,7 +6,8 @@ import codecs
 import os
 from pathlib import Path
 
-from hprs.errors import Position, SpecError, SpecSyntaxError
+from hprs.errors import Position, SpecError, SpecSyntaxError, SpecTypeError
+from hprs.spec.misuse import shown
 
 MAX_BYTES = 1_000_000
 """Largest text, in bytes of UTF-8."""
@@ -32,8 +33,13 @@ def normalised(text: str) -> str:
     """The text without byte order mark, its lines ended by newlines.
 
     Raises:
-        SpecError: It is too large, or holds a NUL character.
+        SpecError: It is no text, too large, or holds a NUL character.
     """
+    if not isinstance(text, str):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise SpecTypeError(
+            f"the text of a task is needed here, got {shown(text)}. "
+            "A file is read by hprs.load_task(path)."
+        )
     if len(text.encode("utf-8", "surrogatepass")) > MAX_BYTES:
         raise SpecError(_TOO_LARGE)
     text = text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
