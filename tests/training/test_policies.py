@@ -6,6 +6,7 @@ import pytest
 from gymnasium import spaces
 
 from hprs.errors import PolicyError, UsageError
+from hprs.training import sb3
 from hprs.training.policies import ForeignPolicy, check_spaces, import_policy
 
 NAN, INFINITY = float("nan"), float("inf")
@@ -103,6 +104,20 @@ def test_anything_else_is_refused_in_one_line(space, action):
     ) as e:
         ForeignPolicy("mine", lambda _: action, space)(None)
     assert "\n" not in str(e.value)
+
+
+def test_a_network_of_the_users_own_is_a_policy_and_another_librarys_is_none(tmp_path):
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.policies import ActorCriticPolicy
+
+    own = type("Own", (ActorCriticPolicy,), {"__module__": "__main__"})
+    model = PPO(own, "CartPole-v1", n_steps=8, batch_size=8, device="cpu")
+    model.save(tmp_path / "own.zip")
+    assert isinstance(sb3.load_zip(tmp_path / "own.zip").model, PPO)
+    model.policy_class = dict
+    model.save(tmp_path / "other.zip")
+    with pytest.raises(UsageError, match=r"other.zip' holds no policy of PPO: "):
+        sb3.load_zip(tmp_path / "other.zip")
 
 
 class Spaces(gym.Env):

@@ -22,6 +22,14 @@ POLICY = "policy.zip"
 _UNUSED = {"learning_rate": 0.0, "lr_schedule": None, "clip_range": 0.0, "clip_range_vf": None}
 """What a policy that only acts need not unpickle; its code may have moved since."""
 
+_MARKS = {
+    "PPO": "clip_range",
+    "SAC": "target_entropy",
+    "TD3": "target_policy_noise",
+    "DQN": "exploration_rate",
+}
+"""An attribute that only one family of algorithms has; A2C has none of them."""
+
 
 @dataclass(frozen=True)
 class Learner:
@@ -70,7 +78,7 @@ def load_zip(path: Path) -> Learner:
     """A policy in a file that Stable-Baselines3 wrote. Such a file can execute code.
 
     Raises:
-        UsageError: The file does not exist or is not such a file.
+        UsageError: The file does not exist, is not such a file, or another library's policy.
     """
     stable_baselines3 = require("stable_baselines3", "sb3")
     from stable_baselines3.common.save_util import load_from_zip_file
@@ -86,7 +94,10 @@ def load_zip(path: Path) -> Learner:
     kind = getattr(stable_baselines3, _class_name(data))
     # A policy needs no replay buffer, and must not need what a special one would.
     small = {"replay_buffer_class": None, "buffer_size": 1} if "buffer_size" in data else {}
-    return Learner(kind.load(path, device="cpu", custom_objects=_UNUSED, **small))
+    try:
+        return Learner(kind.load(path, device="cpu", custom_objects=_UNUSED, **small))
+    except (ValueError, KeyError, RuntimeError, TypeError, AttributeError) as error:
+        raise UsageError(f"'{path}' holds no policy of {kind.__name__}: {error}") from None
 
 
 @contextmanager
@@ -118,8 +129,5 @@ def stack(observations: Sequence[Any]) -> Any:
 
 
 def _class_name(data: Mapping[str, Any]) -> str:
-    """Which algorithm wrote a file; the file itself only says which networks it holds."""
-    family = data["policy_class"].__module__.split(".")[1]
-    if family in ("sac", "td3", "dqn"):
-        return family.upper()
-    return "PPO" if "clip_range" in data else "A2C"
+    """Which algorithm wrote a file; the file itself only says what it holds."""
+    return next((name for name, mark in _MARKS.items() if mark in data), "A2C")
