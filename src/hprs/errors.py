@@ -9,6 +9,7 @@ HprsError
 ├── SignalError (ValueError)        a signal is missing, misshapen or NaN at run time
 ├── TraceError (ValueError)         a recorded trace cannot be assessed
 ├── PolicyError (ValueError)        a policy fails, or does not fit the environment
+├── TrackError (ValueError)         a track or a map file cannot be driven or read
 ├── RunError (RuntimeError)         a run directory cannot be read, written or resumed
 └── UsageError (ValueError)         an unknown name or option; the message lists what exists
     └── MissingExtraError           an optional dependency is not installed
@@ -96,6 +97,10 @@ class TraceError(HprsError, ValueError):
 
 class PolicyError(HprsError, ValueError):
     """A policy fails, or does not fit the environment."""
+
+
+class TrackError(HprsError, ValueError):
+    """A track or a map file cannot be read, or no car could drive it."""
 
 
 class RunError(HprsError, RuntimeError):
