@@ -286,6 +286,13 @@ def test_signals_that_no_requirement_reads_are_not_needed() -> None:
     assert potential(task, {"x": 1.0}) == 1.0
 
 
+def test_signals_are_a_dictionary(driving: Task) -> None:
+    with pytest.raises(
+        SignalError, match=r"signals are a dictionary from name to value, got \[1\]"
+    ):
+        driving.margins([1])  # type: ignore[arg-type]
+
+
 def test_evaluated_signals_are_not_evaluated_again(driving: Task) -> None:
     carried = dict(HALFWAY)
     carry(carried, driving, evaluate(driving, CRASHED))

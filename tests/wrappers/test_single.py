@@ -16,6 +16,7 @@ from hprs.semantics.evaluation import evaluate
 from hprs.spec.expression import call
 from hprs.spec.task import Requirement, Signal, Source, Task
 from hprs.wrappers.single import wrap
+from hprs.wrappers.vector import wrap_vector
 from tests.probes import Slider, slider_task
 
 
@@ -298,6 +299,26 @@ def test_unknown_rewards_and_a_missing_discount_are_refused():
         wrap(Slider(), slider_task(), reward="hrps")
     with pytest.raises(UsageError, match="needs the learner's discount"):
         wrap(Slider(), slider_task(), end="invariant")
+
+
+@pytest.mark.parametrize(
+    ("wrapper", "env", "message"),
+    [
+        (wrap, "CartPole-v1", r"an environment is needed here, got 'CartPole-v1'.*gymnasium.make"),
+        (wrap, "vector", "wrap takes one environment, got .*; use hprs.wrap_vector"),
+        (wrap_vector, "single", "wrap_vector takes a vector environment, got .*; use hprs.wrap"),
+        (wrap_vector, None, r"an environment is needed here, got None.*gymnasium.make_vec"),
+    ],
+)
+def test_what_is_no_environment_is_refused(wrapper, env, message):
+    made = {"single": Slider(), "vector": gym.vector.SyncVectorEnv([Slider])}
+    with pytest.raises(UsageError, match=message):
+        wrapper(made.get(env, env), slider_task())
+
+
+def test_what_is_no_reward_is_refused():
+    with pytest.raises(UsageError, match=r"a reward is a name .*hprs.* or has `init` and `step`"):
+        wrap(Slider(), slider_task(), reward=3)
 
 
 def test_a_reward_object_is_accepted():

@@ -25,6 +25,7 @@ from hprs.spec.namespace import (
     either,
     namespace_of,
 )
+from hprs.spec.misuse import shown
 from hprs.spec.task import Task
 
 Signals: TypeAlias = Mapping[str, Array]
@@ -51,9 +52,14 @@ def evaluate(task: Task, signals: Signals) -> Evaluation:
         signals: Name to value. All values floats: one state. Arrays: a batch of any shape.
 
     Raises:
-        SignalError: A signal that the task uses is missing.
+        SignalError: A signal that the task uses is missing, or signals are no dictionary.
     """
-    carried = signals.get(EVALUATION)
+    try:
+        carried = signals.get(EVALUATION)
+    except AttributeError:
+        raise SignalError(
+            f"signals are a dictionary from name to value, got {shown(signals)}."
+        ) from None
     if carried is not None and carried[0] is task:
         return carried[1]
     plan = plan_of(task)

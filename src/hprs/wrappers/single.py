@@ -13,11 +13,11 @@ from gymnasium import wrappers as gym_wrappers
 from hprs.errors import SignalError
 from hprs.rewards.base import Reward
 from hprs.rewards.hierarchical import DEFAULT_END, End
-from hprs.rewards.registry import make_reward
 from hprs.semantics.evaluation import carry
 from hprs.semantics.plan import plan_of
 from hprs.semantics.single_state import float_evaluator
 from hprs.spec.task import ENV_REWARD, Task
+from hprs.wrappers.arguments import chosen_reward, require_environment
 from hprs.wrappers.episode import Episode
 from hprs.wrappers.signals import SignalFunction, make_reader, zero_action
 from hprs.wrappers.state import StateReader
@@ -64,15 +64,13 @@ def wrap(
 
     Raises:
         SignalError: A signal is missing or misshapen.
-        UsageError: The reward or the convention is unknown.
+        UsageError: The reward or the convention is unknown, or an argument is of the wrong kind.
     """
-    made = (
-        make_reward(reward, task, end=end, discount=discount) if isinstance(reward, str) else reward
-    )
+    require_environment(env, vector=False)
     return TaskWrapper(
         env,
         task=task,
-        reward=made,
+        reward=chosen_reward(reward, task, end=end, discount=discount),
         signals=signals,
         end_on_violation=end_on_violation,
         end_on_target=end_on_target,

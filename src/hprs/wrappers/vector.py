@@ -16,11 +16,11 @@ from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 from hprs.errors import SignalError
 from hprs.rewards.base import Reward
 from hprs.rewards.hierarchical import DEFAULT_END, End
-from hprs.rewards.registry import make_reward
 from hprs.semantics import assessment
 from hprs.semantics.evaluation import Evaluation, carry, evaluate_arrays
 from hprs.semantics.plan import plan_of
 from hprs.spec.task import ENV_REWARD, Task
+from hprs.wrappers.arguments import chosen_reward, require_environment
 from hprs.wrappers.batch import BatchReader
 from hprs.wrappers.merging import (
     copy_batch,
@@ -59,13 +59,11 @@ def wrap_vector(
         UsageError: The reward or the convention is unknown, or the task would end episodes that
             this vector environment cannot end (see `forced_reset`).
     """
-    made = (
-        make_reward(reward, task, end=end, discount=discount) if isinstance(reward, str) else reward
-    )
+    require_environment(envs, vector=True)
     return TaskVectorWrapper(
         envs,
         task=task,
-        reward=made,
+        reward=chosen_reward(reward, task, end=end, discount=discount),
         signals=signals,
         end_on_violation=end_on_violation,
         end_on_target=end_on_target,
