@@ -17,6 +17,7 @@ import numpy as np
 from hprs.errors import SignalError, did_you_mean
 from hprs.semantics.plan import Evaluation, Group, Plan, plan_of
 from hprs.semantics.single_state import float_evaluator
+from hprs.spec.misuse import shown
 from hprs.spec.namespace import (
     Array,
     array_operations,
@@ -25,7 +26,6 @@ from hprs.spec.namespace import (
     either,
     namespace_of,
 )
-from hprs.spec.misuse import shown
 from hprs.spec.task import Task
 
 Signals: TypeAlias = Mapping[str, Array]
