@@ -41,8 +41,21 @@ class SensorParameters:
 
 
 @partial(
+    jax.tree_util.register_dataclass, data_fields=["start_offset", "start_heading"], meta_fields=[]
+)
+@dataclass(frozen=True)
+class StartParameters:
+    """How far a random start is from the centre line's own pose; where along it is always drawn."""
+
+    start_offset: Array | float = 0.0
+    """To the left, over the room that leaves a normalised wall distance of 0.5."""
+    start_heading: Array | float = 0.0
+    """From the direction of the centre line, rad."""
+
+
+@partial(
     jax.tree_util.register_dataclass,
-    data_fields=["vehicle", "actuators", "sensors"],
+    data_fields=["vehicle", "actuators", "sensors", "start"],
     meta_fields=[],
 )
 @dataclass(frozen=True)
@@ -52,6 +65,7 @@ class Parameters:
     vehicle: VehicleParameters = field(default_factory=VehicleParameters)
     actuators: ActuatorParameters = field(default_factory=ActuatorParameters)
     sensors: SensorParameters = field(default_factory=SensorParameters)
+    start: StartParameters = field(default_factory=StartParameters)
 
 
 @dataclass(frozen=True)
@@ -73,12 +87,18 @@ class Quantity:
 _CODE = "the paper's code"
 _ADDED = "added"
 
+# fmt: off
 QUANTITIES = (
     Quantity("gravity", "m/s^2", 9.81, 9.81, 15.0, _CODE, gm=(9.81, 12.0), released=True),
     Quantity("wheel_speed", "rad/s per m/s", 22.0, 20.0, 25.0, _CODE, released=True),
     Quantity("top_speed", "m/s", 3.5, 3.5, 4.0, _CODE, gm=(3.5, 3.75), released=True),
     Quantity("steering_gain", "1", 0.5, 0.5, 0.75, _CODE, gm=(0.6, 0.75), released=True),
     Quantity("velocity_noise", "1", 0.01, 0.01, 0.05, _CODE, released=True),
+    Quantity("start_offset", "1", 0.0, -1.0, 1.0, _CODE, released=True),
+    Quantity(
+        "start_heading", "rad", 0.0, -0.2, 0.2,
+        "the paper's code: towards a random place 2.5 to 5 % of a lap ahead", released=True,
+    ),
     Quantity("mass", "kg", 3.74, 3.0, 4.4, f"{_ADDED}; the paper's car weighs 4.36 kg"),
     Quantity("friction", "1", 1.0489, 0.8, 1.1, f"{_ADDED}; 0.8 in the paper's code"),
     Quantity("motor_time", "s", 0.1, 0.05, 0.2, _ADDED),
@@ -87,6 +107,7 @@ QUANTITIES = (
     Quantity("delay", "simulation steps of 0.01 s", 0.0, 0.0, 5.0, f"{_ADDED}; computer and bus"),
     Quantity("lidar_noise", "1", 0.03, 0.0, 0.03, f"{_ADDED}; always 0.03 in the paper's code"),
 )
+# fmt: on
 """What varies. Nominal values are those of the parameters' defaults; a test compares them."""
 
 _NAMES = tuple(quantity.name for quantity in QUANTITIES)
@@ -158,6 +179,7 @@ def _parameters(values: Array) -> Parameters:
         vehicle=_filled(VehicleParameters, drawn, values.dtype),
         actuators=_filled(ActuatorParameters, drawn, values.dtype),
         sensors=_filled(SensorParameters, drawn, values.dtype),
+        start=_filled(StartParameters, drawn, values.dtype),
     )
 
 

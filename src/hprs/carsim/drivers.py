@@ -1,0 +1,105 @@
+"""Scripted drivers that know the track: references for tests, tasks and pictures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+
+from hprs.carsim.actuators import MAX_SPEED_COMMAND, STEERING_SCALE, Command
+from hprs.carsim.track import Track, pose_at
+from hprs.carsim.vehicle import Car, VehicleParameters
+
+_SPACING = 0.25
+"""Distance in m between the places ahead at which the driver judges the curvature."""
+_PLACES = 14
+"""Their number."""
+_STRAIGHT = 1e-3
+"""Curvature in 1/m below which it allows no more speed."""
+
+
+@partial(
+    jax.tree_util.register_dataclass,
+    data_fields=[
+        "lookahead",
+        "lookahead_time",
+        "top_speed",
+        "lateral_acceleration",
+        "deceleration",
+        "speed_gain",
+        "steering_gain",
+        "wheelbase",
+        "rear_axle",
+    ],
+    meta_fields=[],
+)
+@dataclass(frozen=True)
+class PursuitParameters:
+    """How the pursuing driver drives, and what it takes the car to be.
+
+    It does not know its car's gains; these values suit all of them.
+    """
+
+    lookahead: Array | float = 0.9
+    """Distance of the point that it steers to, at standstill, m."""
+    lookahead_time: Array | float = 0.1
+    """What speed adds to that distance, s."""
+    top_speed: Array | float = 2.75
+    """Speed that it wants on a straight, m/s."""
+    lateral_acceleration: Array | float = 2.0
+    """What it allows in a bend, m/s^2."""
+    deceleration: Array | float = 3.0
+    """How it brakes before a bend, m/s^2."""
+    speed_gain: Array | float = 1.2
+    """Assumed speed over command."""
+    steering_gain: Array | float = 0.5
+    """Assumed share of the steering scale, the least: a car that turns too little hits the wall."""
+    wheelbase: Array | float = VehicleParameters.front_axle + VehicleParameters.rear_axle
+    """m."""
+    rear_axle: Array | float = VehicleParameters.rear_axle
+    """Its distance from the centre of mass, m."""
+
+
+def pursue(
+    car: Car, s: Array, track: Track, *, parameters: PursuitParameters | None = None
+) -> Command:
+    """Pure pursuit of the centre line, at a speed that the bends ahead allow.
+
+    The rear axle moves on the circle through a point ahead on the line (R. C. Coulter,
+    "Implementation of the Pure Pursuit Path Tracking Algorithm", 1992).
+
+    Args:
+        car: Its true state.
+        s: Its progress on the track, m.
+        track: The track.
+        parameters: Of the driver.
+    """
+    p = parameters or PursuitParameters()
+    speed = jnp.maximum(car.speed, 0.0)
+    ahead = p.lookahead + p.lookahead_time * speed
+    target = pose_at(track, s + ahead)
+    heading = jnp.stack([jnp.cos(car.yaw), jnp.sin(car.yaw)])
+    to_target = target[:2] - (car.position - p.rear_axle * heading)
+    sideways = heading[0] * to_target[1] - heading[1] * to_target[0]
+    curvature = 2 * sideways / jnp.maximum(jnp.sum(to_target**2), ahead**2 / 4)
+    angle = jnp.arctan(p.wheelbase * curvature)
+    steering = jnp.clip(angle / (STEERING_SCALE * p.steering_gain), -1.0, 1.0)
+    turning = jnp.sqrt(p.lateral_acceleration / jnp.maximum(jnp.abs(curvature), _STRAIGHT))
+    allowed = jnp.minimum(turning, _allowed_speed(s, track, p))
+    wanted = jnp.minimum(p.top_speed, allowed) / p.speed_gain
+    return Command(steering, jnp.clip(wanted, 0.0, MAX_SPEED_COMMAND).astype(steering.dtype))
+
+
+def _allowed_speed(s: Array, track: Track, p: PursuitParameters) -> Array:
+    """Largest speed in m/s from which every bend ahead can still be taken."""
+    distance = _SPACING * jnp.arange(_PLACES + 1, dtype=s.dtype)
+    yaw = jax.vmap(lambda ahead: pose_at(track, s + ahead)[2])(distance)
+    turn = jnp.diff(yaw)
+    # The shorter way round.
+    turn = jnp.arctan2(jnp.sin(turn), jnp.cos(turn))
+    curvature = jnp.maximum(jnp.abs(turn) / _SPACING, _STRAIGHT)
+    bend = p.lateral_acceleration / curvature
+    return jnp.sqrt(jnp.min(bend + 2 * p.deceleration * distance[:-1]))
