@@ -166,7 +166,7 @@ def test_any_policy_is_evaluated_on_any_environment(hprs, here, policy):
 def test_ctrl_c_saves_and_says_how_to_go_on(here):
     arguments = ["train", "hprs/CartPole-v0", "--steps", "4000", "--evaluate-every", "64", *SMALL]
     with subprocess.Popen(
-        [sys.executable, "-m", "hprs.cli", *arguments],
+        [sys.executable, "-m", "hprs", *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
