@@ -239,8 +239,8 @@ def test_a_function_supplies_signals_over_single_values():
         (None, "must return a dictionary from signal to value, got None"),
         ([1.0], r"must return a dictionary from signal to value, got \[1.0\]"),
         (
-            {"x": 1.0, "speeed": 2.0},
-            "'speeed', which is no signal of the task. Did you mean 'speed'",
+            {"x": 1.0, "spede": 2.0},
+            "'spede', which is no signal of the task. Did you mean 'speed'",
         ),
         ({"x": None, "speed": 1.0}, "signal 'x' must be one number, got None"),
         ({"x": "fast", "speed": 1.0}, "signal 'x' must be one number, got 'fast'"),
