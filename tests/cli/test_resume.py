@@ -80,7 +80,7 @@ def test_options_reach_the_environment_its_evaluation_and_run_json(hprs, mine):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["lengt=1"], "my_poles:Pole-v0 has no option 'lenght'. Did you mean 'length'?"),
+        (["leength=1"], "my_poles:Pole-v0 has no option 'leength'. Did you mean 'length'?"),
         (["weight=1"], "my_poles:Pole-v0 has no option 'weight'. It has length, name."),
         (["max_episode_steps=9"], "my_poles:Pole-v0 has no option 'max_episode_steps'. Use --horizon."),
         (["render_mode=human"], "my_poles:Pole-v0 has no option 'render_mode'. It has length, name."),
