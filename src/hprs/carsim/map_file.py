@@ -1,0 +1,257 @@
+"""Tracks from the map files of ROS and RoboRacer (F1TENTH).
+
+A map is an occupancy grid: a YAML file as ROS's `map_server` writes it, and the picture that it
+names. The track is the free space between the outermost wall and the largest obstacle in it. Beside
+the map may stand a centre line as CSV with the columns x_m, y_m, w_tr_right_m, w_tr_left_m; without
+one it is the middle of the free space, from the place nearest to the map's origin.
+Source: wiki.ros.org/map_server (version 0, modes trinary and scale).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from hprs.carsim.construction import construct_track
+from hprs.carsim.geometry import Points, closed_length, resample, signed_area, simplify
+from hprs.carsim.track import POINTS, Track
+from hprs.errors import MissingExtraError, TrackError
+
+try:
+    import yaml
+    from PIL import Image, UnidentifiedImageError
+    from scipy import ndimage
+    from skimage import measure
+except ModuleNotFoundError as error:
+    raise MissingExtraError(str(error.name), "maps") from None
+
+_FIELDS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
+_MOST_CELLS = 100_000_000
+_SMALLEST_OBSTACLE = 9
+"""Cells that a track must run around, at least."""
+_SMOOTHING = 0.3
+"""Reach of the smoothing of a centre line that was read from the grid, in m."""
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """Where a map is free; row 0 is the lowest."""
+
+    free: npt.NDArray[np.bool_]
+    resolution: float
+    """Side of a cell in m."""
+    origin: tuple[float, float, float]
+    """Pose of the lower left corner: x, y in m, yaw in rad."""
+
+    def to_metres(self, cells: Points) -> Points:
+        """World coordinates of (row, column), where whole numbers are the middles of cells."""
+        x, y, yaw = self.origin
+        local = (cells[:, ::-1] + 0.5) * self.resolution
+        turn = np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]])
+        return local @ turn + [x, y]
+
+
+def load_map(
+    path: Path | str,
+    *,
+    centre_line: Path | str | None = None,
+    reverse: bool = False,
+    dtype: npt.DTypeLike | None = None,
+) -> Track:
+    """The track of a map.
+
+    Args:
+        path: The YAML file.
+        centre_line: A CSV file in driving direction, from the start line.
+        reverse: Drive the track the other way round. Without a centre line's file, forwards is
+            counter-clockwise.
+        dtype: Of the track's arrays; float32 unless said otherwise.
+
+    Raises:
+        TrackError: A file cannot be read, or no car could drive what is in it.
+    """
+    path = Path(path)
+    grid = _read_map(path)
+    ring = _ring(grid, path)
+    grid, ring = _crop(grid, ring)
+    loops = [simplify(loop, grid.resolution) for loop in _outlines(grid, ring)]
+    if centre_line is None:
+        centre = _middle(grid, ring, path)
+        name = str(path)
+    else:
+        name = f"{path} with {centre_line}"
+        centre = _read_centre_line(Path(centre_line))
+    return construct_track(centre, loops, name=name, reverse=reverse, dtype=dtype)
+
+
+def _read_map(path: Path) -> _Grid:
+    fields = _read_yaml(path)
+    missing = [name for name in _FIELDS if name not in fields]
+    if missing:
+        raise TrackError(f"{path}: lacks {', '.join(missing)}; a map_server file has them.")
+    numbers = [fields["resolution"], *_pose(fields["origin"], path)]
+    numbers += [fields[name] for name in ("negate", "occupied_thresh", "free_thresh")]
+    resolution, x, y, yaw, negate, occupied, free = (_number(value, path) for value in numbers)
+    if not 1e-3 <= resolution <= 1.0:
+        raise TrackError(f"{path}: resolution is {resolution:g} m a cell; expected 0.001 to 1.")
+    if not 0 <= free <= occupied <= 1:
+        raise TrackError(f"{path}: needs 0 <= free_thresh <= occupied_thresh <= 1.")
+    mode = fields.get("mode", "trinary")
+    if mode not in ("trinary", "scale", "raw"):
+        raise TrackError(f"{path}: mode is '{mode}'; expected trinary, scale or raw.")
+    shade = _read_picture(path.parent / str(fields["image"]), path)
+    if mode == "raw":
+        # Whole numbers are the occupancy in percent; from 101 on they mean unknown.
+        return _Grid(shade <= 100 * free, resolution, (x, y, yaw))
+    occupancy = shade / 255 if negate else 1 - shade / 255
+    return _Grid(occupancy < free, resolution, (x, y, yaw))
+
+
+def _read_yaml(path: Path) -> dict[str, Any]:
+    try:
+        fields = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise TrackError(f"{path}: cannot be read: {error.strerror}.") from None
+    except (yaml.YAMLError, UnicodeDecodeError):
+        raise TrackError(f"{path}: is not YAML. A map is named by its YAML file.") from None
+    if not isinstance(fields, dict):
+        raise TrackError(f"{path}: holds no fields; a map_server file has {', '.join(_FIELDS)}.")
+    return fields
+
+
+def _read_picture(path: Path, source: Path) -> npt.NDArray[np.float64]:
+    """Shades 0 (black) to 255, the lowest row first."""
+    try:
+        with Image.open(path) as picture:
+            if picture.width * picture.height > _MOST_CELLS:
+                raise TrackError(f"{path}: has more than {_MOST_CELLS:,} cells.")
+            if picture.mode.startswith("I"):
+                return np.asarray(picture, float)[::-1] / 257
+            bands = np.asarray(picture.convert("RGBA"), float)
+    except FileNotFoundError:
+        raise TrackError(f"{source}: names the picture {path}, which does not exist.") from None
+    except (OSError, UnidentifiedImageError, Image.DecompressionBombError):
+        raise TrackError(f"{path}: is not a picture that can be read (PNG or PGM).") from None
+    # What is transparent is unknown, in every mode.
+    return np.where(bands[..., 3] > 0, bands[..., :3].mean(axis=-1), np.nan)[::-1]
+
+
+def _pose(origin: object, path: Path) -> list[object]:
+    if not isinstance(origin, list) or len(origin) != 3:
+        raise TrackError(f"{path}: origin is {origin!r}; expected [x, y, yaw].")
+    return origin
+
+
+def _number(value: object, path: Path) -> float:
+    if isinstance(value, (int, float)) and np.isfinite(value):
+        return float(value)
+    raise TrackError(f"{path}: {value!r} stands where a number is expected.")
+
+
+def _ring(grid: _Grid, path: Path) -> npt.NDArray[np.bool_]:
+    """The free cells of the track: the free region around the largest obstacle, holes filled."""
+    if not grid.free.any():
+        raise TrackError(f"{path}: is empty: no cell is free. Is `negate` right?")
+    best, most = None, 0
+    labels, number = ndimage.label(grid.free)  # pyright: ignore[reportGeneralTypeIssues]
+    sizes = np.bincount(labels.ravel(), minlength=number + 1)
+    for label in np.argsort(sizes[1:])[::-1][:8] + 1:
+        region = labels == label
+        holes, count = ndimage.label(~np.pad(region, 1), np.ones((3, 3)))  # pyright: ignore[reportGeneralTypeIssues]
+        areas = np.bincount(holes.ravel(), minlength=count + 1)
+        areas[[0, holes[0, 0]]] = 0
+        if areas.max() > most:
+            # Speckles inside the corridor are noise of the mapping.
+            solid = (holes == holes[0, 0]) | (holes == areas.argmax())
+            best, most = ~solid[1:-1, 1:-1], areas.max()
+    if best is None or most < _SMALLEST_OBSTACLE:
+        raise TrackError(
+            f"{path}: is not closed: no free region runs around an obstacle, so there is no lap. "
+            "Are the walls in the picture without gaps, and free_thresh above the free cells?"
+        )
+    if best[[0, -1]].any() or best[:, [0, -1]].any():
+        raise TrackError(f"{path}: is not closed: its free space reaches the picture's border.")
+    return best
+
+
+def _crop(grid: _Grid, ring: npt.NDArray[np.bool_]) -> tuple[_Grid, npt.NDArray[np.bool_]]:
+    """The part of a map that holds the track, with a border of one cell."""
+    rows, columns = np.flatnonzero(ring.any(axis=1)), np.flatnonzero(ring.any(axis=0))
+    row, column = rows[0] - 1, columns[0] - 1
+    part = np.s_[row : rows[-1] + 2, column : columns[-1] + 2]
+    corner = grid.to_metres(np.array([[row - 0.5, column - 0.5]]))[0]
+    origin = (float(corner[0]), float(corner[1]), grid.origin[2])
+    return _Grid(grid.free[part], grid.resolution, origin), ring[part]
+
+
+def _outlines(grid: _Grid, ring: npt.NDArray[np.bool_]) -> list[Points]:
+    """The two walls, half-way between free and other cells."""
+    contours = measure.find_contours(ring.astype(float), 0.5)
+    longest = sorted(contours, key=len, reverse=True)[:2]
+    return [grid.to_metres(contour[:-1]) for contour in longest]
+
+
+def _middle(grid: _Grid, ring: npt.NDArray[np.bool_], path: Path) -> Points:
+    """The line that is equally far from both walls, counter-clockwise, smoothed.
+
+    It is the medial axis without its branches into corners.
+    """
+    solid, _ = ndimage.label(np.pad(~ring, 1, constant_values=True), np.ones((3, 3)))  # pyright: ignore[reportGeneralTypeIssues]
+    solid = solid[1:-1, 1:-1]
+    outer = solid[0, 0]
+    to_outer, to_inner = (
+        np.asarray(ndimage.distance_transform_edt(~part))
+        for part in (solid == outer, ~ring & (solid != outer))
+    )
+    contours = measure.find_contours(to_outer - to_inner, 0.0)
+    if not contours:
+        raise TrackError(f"{path}: is too narrow: its walls leave no line between them.")
+    line = grid.to_metres(max(contours, key=len)[:-1])
+    length = closed_length(line)
+    (line,) = resample(line, POINTS)
+    # On a map of absurd scale the reach would pass the whole line.
+    sigma = POINTS * min(_SMOOTHING / length, 0.02)
+    line = np.asarray(ndimage.gaussian_filter1d(line, sigma, axis=0, mode="wrap"))
+    line = line if signed_area(line) > 0 else line[::-1]
+    return np.roll(line, -int(np.hypot(*line.T).argmin()), axis=0)
+
+
+def _read_centre_line(path: Path) -> Points:
+    """The points of a centre line's file, (P, 2)."""
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except OSError as error:
+        raise TrackError(f"{path}: cannot be read: {error.strerror}.") from None
+    except UnicodeDecodeError:
+        raise TrackError(f"{path}: is not text; expected CSV with the columns x_m, y_m.") from None
+    rows = [line.replace(";", ",").split(",") for line in lines if line.strip()]
+    # The last line before the numbers names the columns.
+    heads = [[cell.strip(" #") for cell in row] for row in rows if not _is_number(row[0])]
+    names = heads[-1] if heads else []
+    x, y = (names.index("x_m"), names.index("y_m")) if {"x_m", "y_m"} <= set(names) else (0, 1)
+    try:
+        points = np.array([(float(row[x]), float(row[y])) for row in rows if _is_number(row[0])])
+    except (ValueError, IndexError):
+        raise TrackError(f"{path}: a row lacks a number in the columns x_m and y_m.") from None
+    if len(points) < 8:
+        raise TrackError(f"{path}: holds {len(points)} points; a closed centre line needs 8.")
+    if np.array_equal(points[0], points[-1]):
+        points = points[:-1]
+    gaps = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
+    if gaps[-1] > 10 * np.median(gaps):
+        raise TrackError(
+            f"{path}: is not closed: its last point is {gaps[-1]:.2f} m from its first one."
+        )
+    return points
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,176 @@
+"""Map files: the formats, and one clear error for everything that is wrong with one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hprs.carsim.geometry import loop_segments, point_distances
+from hprs.carsim.map_file import load_map
+from hprs.errors import TrackError
+from tests.carsim.maps import picture, write_centre_line, write_map
+from tests.carsim.tracks import track_of, walls_of
+
+FREE, CORNER = picture("gm")
+
+
+@pytest.fixture
+def gm_map(tmp_path):
+    return write_map(tmp_path, FREE, origin=(*CORNER, 0.0))
+
+
+def far_from(name: str, points) -> float:
+    line = np.asarray(track_of(name).centre, float)
+    return float(point_distances(np.asarray(points, float), loop_segments(line)).min(axis=1).max())
+
+
+def test_walls_are_within_a_cell_of_the_real_ones(gm_map):
+    walls = np.asarray(load_map(gm_map).walls, float)[:-1]
+    gaps = point_distances(walls[:, :2], walls_of("gm")).min(axis=1)
+    assert gaps.max() <= 0.05 + 0.02 + 0.025
+
+
+def test_the_middle_of_the_free_space_is_the_centre_line(gm_map):
+    track = load_map(gm_map)
+    assert far_from("gm", track.centre) < 0.06
+    assert float(track.length) == pytest.approx(21.25, rel=0.01)
+
+
+def test_a_centre_line_may_stand_beside_the_map(gm_map, tmp_path):
+    track = load_map(gm_map, centre_line=write_centre_line(tmp_path, "gm"))
+    assert float(track.length) == pytest.approx(21.25, abs=0.01)
+    np.testing.assert_allclose(track.centre[0], 0, atol=1e-6)
+
+
+def test_both_directions_can_be_driven(gm_map):
+    forwards, backwards = load_map(gm_map), load_map(gm_map, reverse=True)
+    np.testing.assert_allclose(forwards.centre[0], backwards.centre[0], atol=1e-5)
+    np.testing.assert_allclose(forwards.centre[1], backwards.centre[-1], atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"negate": 1}, {"suffix": ".pgm"}, {"mode": "scale"}, {"free_thresh": 0.05}],
+    ids=lambda change: "".join(change),
+)
+def test_every_way_to_write_a_map_gives_the_same_track(gm_map, tmp_path, changes):
+    folder = tmp_path / "other"
+    folder.mkdir()
+    other = write_map(folder, FREE, origin=(*CORNER, 0.0), **changes)
+    np.testing.assert_array_equal(load_map(other).walls, load_map(gm_map).walls)
+
+
+def test_the_origin_turns_the_map(gm_map, tmp_path):
+    folder = tmp_path / "other"
+    folder.mkdir()
+    x, y = CORNER
+    turned = load_map(write_map(folder, FREE, origin=(-y, x, np.pi / 2)))
+    straight = load_map(gm_map)
+    expected = np.stack([-straight.centre[:, 1], straight.centre[:, 0]], axis=1)
+    np.testing.assert_allclose(turned.centre, expected, atol=1e-4)
+
+
+def test_speckles_in_the_corridor_are_noise(gm_map, tmp_path):
+    folder = tmp_path / "other"
+    folder.mkdir()
+    speckled = FREE.copy()
+    row, column = ((np.zeros(2) - CORNER) / 0.05).astype(int)[::-1]
+    speckled[row : row + 2, column : column + 2] = False
+    other = load_map(write_map(folder, speckled, origin=(*CORNER, 0.0)))
+    np.testing.assert_array_equal(other.walls, load_map(gm_map).walls)
+
+
+def cut(free):
+    gap = free.copy()
+    row = int((0 - CORNER[1]) / 0.05)
+    column = int((0 - CORNER[0]) / 0.05)
+    gap[: row + 31, column - 3 : column + 3] = False
+    return gap
+
+
+def narrow(free):
+    gap = cut(free)
+    row, column = ((np.zeros(2) - CORNER) / 0.05).astype(int)[::-1]
+    gap[row - 1 : row + 2, column - 3 : column + 3] = True
+    return gap
+
+
+@pytest.mark.parametrize(
+    ("free", "changes", "message"),
+    [
+        (np.zeros_like(FREE), {}, "is empty: no cell is free"),
+        (np.ones_like(FREE), {}, "is not closed: no free region runs around an obstacle"),
+        (cut(FREE), {}, "is not closed: no free region runs around an obstacle"),
+        (narrow(FREE), {}, r"a wall is 0\.\d\d m from its centre line near"),
+        (FREE[15:], {}, "its free space reaches the picture's border"),
+        (FREE, {"resolution": 0.001}, r"is 0\.4\d+ m long, which is not within 5 m and 5000 m"),
+        (FREE, {"resolution": 50}, "resolution is 50 m a cell; expected 0.001 to 1"),
+        (FREE, {"resolution": "wide"}, "'wide' stands where a number is expected"),
+        (FREE, {"resolution": None}, "lacks resolution; a map_server file has them"),
+        (FREE, {"origin": (0.0, 0.0)}, r"origin is \[0.0, 0.0\]; expected \[x, y, yaw\]"),
+        (FREE, {"free_thresh": 0.7}, "needs 0 <= free_thresh <= occupied_thresh <= 1"),
+        (FREE, {"mode": "grey"}, "mode is 'grey'; expected trinary, scale or raw"),
+        (FREE, {"image": "other.png"}, "other.png, which does not exist"),
+    ],
+)
+def test_a_wrong_map_gives_one_error_that_names_file_and_reason(tmp_path, free, changes, message):
+    path = write_map(tmp_path, free, **({"origin": (*CORNER, 0.0)} | changes))
+    with pytest.raises(TrackError, match=message) as caught:
+        load_map(path)
+    assert str(tmp_path) in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (None, "cannot be read: No such file"),
+        ("a: [", "is not YAML"),
+        ("- 1", "holds no fields"),
+        ("", "holds no fields"),
+    ],
+)
+def test_a_file_that_is_no_map_is_named(tmp_path, text, message):
+    path = tmp_path / "map.yaml"
+    if text is not None:
+        path.write_text(text)
+    with pytest.raises(TrackError, match=f"map.yaml: {message}"):
+        load_map(path)
+
+
+def test_a_picture_that_cannot_be_read_is_named(gm_map):
+    (gm_map.parent / "map.png").write_bytes(b"\x89PNG nonsense")
+    with pytest.raises(TrackError, match=r"map\.png: is not a picture that can be read"):
+        load_map(gm_map)
+
+
+@pytest.mark.parametrize(
+    ("edit", "message"),
+    [
+        (lambda rows: None, "centerline.csv: cannot be read"),
+        (lambda rows: rows[:4], "holds 3 points"),
+        (lambda rows: rows[:100], "is not closed: its last point is"),
+        (lambda rows: [*rows, "1.0"], "a row lacks a number"),
+        (lambda rows: [*rows, "nan, 1.0, 1, 1"], "not a finite number"),
+        (
+            lambda rows: [
+                rows[0],
+                *(f"{2 + float(r.split(',')[0])},{r.split(',')[1]}" for r in rows[1:]),
+            ],
+            "leaves the free space near .* Do the centre line and the map belong together",
+        ),
+        (
+            lambda rows: [*rows[:50], *rows[60:50:-1], *rows[61:]],
+            "crosses itself|leaves the free space",
+        ),
+    ],
+    ids=["missing", "few", "open", "short row", "nan", "elsewhere", "folded"],
+)
+def test_a_wrong_centre_line_gives_one_error(gm_map, tmp_path, edit, message):
+    path = write_centre_line(tmp_path, "gm")
+    rows = edit(path.read_text().splitlines())
+    if rows is None:
+        path.unlink()
+    else:
+        path.write_text("\n".join(rows) + "\n")
+    with pytest.raises(TrackError, match=message):
+        load_map(gm_map, centre_line=path)
