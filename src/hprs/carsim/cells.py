@@ -49,61 +49,70 @@ def list_walls(loops: list[Points]) -> Cells:
     chain = _chain(loops)
     lists: tuple[list[Indices], ...] = ([], [], [])
     for row in range(rows):
-        for column in range(columns):
-            corner = origin + np.array([column, row]) * CELL
-            for each, found in zip(lists, _cell(corner, walls, chain), strict=True):
+        corners = origin + np.stack([np.arange(columns), np.full(columns, row)], axis=1) * CELL
+        gaps = point_distances(corners + CELL / 2, walls)
+        for corner, gap in zip(corners, gaps, strict=True):
+            for each, found in zip(lists, _cell(corner, gap, walls, chain), strict=True):
                 each.append(found)
     visible, near, closest = (_table(each, filler=len(walls)) for each in lists)
     return Cells(origin, int(columns), visible, near, closest)
 
 
-def _cell(corner: Points, walls: Points, chain: Indices) -> tuple[Indices, Indices, Indices]:
+def _cell(
+    corner: Points, gap: Points, walls: Points, chain: Indices
+) -> tuple[Indices, Indices, Indices]:
+    """The lists of a cell, from its lower left corner and the gaps from its middle to the walls."""
     squares = _squares(corner)
-    gaps = square_gaps(squares, walls)
     middles = squares.mean(axis=1)
-    drivable = (gaps == 0).any(axis=1) | inside(middles, walls)
+    drivable = inside(middles, walls)
+    reach = CELL / np.sqrt(2) + 2 * _SLACK
+    if gap.min() <= reach:
+        close = walls[gap <= reach]
+        drivable |= (square_gaps(squares, close) == 0).any(axis=1)
     if not drivable.any():
         nothing = np.zeros(0, np.intp)
-        return nothing, nothing, gaps.min(axis=0).argmin()[None]
-    squares, gaps, middles = squares[drivable], gaps[drivable], middles[drivable]
+        return nothing, nothing, np.array([gap.argmin()])
+    # Nothing below looks further. Where the chain skips a wall, it does not continue.
+    local = np.flatnonzero(gap <= max(SIGHT, gap.min() + reach) + reach)
+    chain = np.searchsorted(local, chain[np.isin(chain, local)])
+    squares, middles = squares[drivable], middles[drivable & inside(middles, walls)]
+    visible, near, closest = _lists(squares, middles, walls[local], chain)
+    return local[visible], local[near], local[closest]
+
+
+def _lists(
+    squares: Points, middles: Points, walls: Points, chain: Indices
+) -> tuple[Indices, Indices, Indices]:
+    gaps = square_gaps(squares, walls)
     furthest = point_distances(squares.reshape(-1, 2), walls).reshape(len(squares), 4, -1)
     closest = (gaps <= furthest.max(axis=1).min(axis=1)[:, None]).any(axis=0)
     facing = _sides(walls, squares.reshape(-1, 2)).max(axis=1) > 0
     near = facing & (gaps.min(axis=0) <= BODY_REACH)
     candidates = np.flatnonzero(facing & (gaps.min(axis=0) <= SIGHT))
-    visible = _visible(squares, gaps, middles, walls, candidates, chain)
+    seen = np.isin(candidates, _hit(middles, walls))
+    doubtful = candidates[~seen]
+    shown = _shown(squares, gaps, walls, doubtful, chain)
+    visible = np.union1d(candidates[seen], doubtful[shown])
     return visible, np.flatnonzero(near), np.flatnonzero(closest)
 
 
-def _visible(
-    squares: Points,
-    gaps: Points,
-    middles: Points,
-    walls: Points,
-    candidates: Indices,
-    chain: Indices,
-) -> Indices:
-    """Candidates that are not proven to be hidden from every one of the squares."""
-    # Only walls in range matter. Where the chain skips one, what follows does not continue it.
-    in_range = np.zeros(len(walls), bool)
-    in_range[gaps.min(axis=0) <= SIGHT] = True
-    chain = chain[in_range[chain]]
-    seen = np.zeros(len(walls), bool)
-    seen[_hit(middles[inside(middles, walls)], walls[in_range], np.flatnonzero(in_range))] = True
-    doubtful = candidates[~seen[candidates]]
+def _shown(
+    squares: Points, gaps: Points, walls: Points, doubtful: Indices, chain: Indices
+) -> Flags:
+    """Which walls are not proven to be hidden from every one of the squares."""
     # A hull of all squares first: one proof then serves for all of them.
     low, high = squares.min(axis=(0, 1)), squares.max(axis=(0, 1))
     hull = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
     free_of = square_gaps(hull[None], walls)[0] > 0
-    doubtful = doubtful[~hidden(hull, walls[doubtful], walls[chain], free_of[chain])]
-    shown = np.zeros(len(doubtful), bool)
+    shown = ~hidden(hull, walls[doubtful], walls[chain], free_of[chain])
+    suspects, shown[:] = np.flatnonzero(shown), False
     for square, gap in zip(squares, gaps, strict=True):
-        open_ = np.flatnonzero(~shown)
-        if not len(open_):
+        if not len(suspects):
             break
-        targets = walls[doubtful[open_]]
-        shown[open_] = ~hidden(square, targets, walls[chain], gap[chain] > 0)
-    return np.union1d(candidates[seen[candidates]], doubtful[shown])
+        proven = hidden(square, walls[doubtful[suspects]], walls[chain], gap[chain] > 0)
+        shown[suspects[~proven]] = True
+        suspects = suspects[proven]
+    return shown
 
 
 def hidden(square: Points, targets: Points, chain: Points, usable: Flags) -> Flags:
@@ -171,17 +180,17 @@ def _squares(corner: Points) -> Points:
     return low + np.where(np.array([[0, 0], [1, 0], [1, 1], [0, 1]]), side + _SLACK, -_SLACK)
 
 
-def _hit(points: Points, walls: Points, names: Indices) -> Indices:
-    """Names of the walls that rays from the points meet first."""
+def _hit(points: Points, walls: Points) -> Indices:
+    """The walls that rays from some of the points meet first."""
     if not len(points):
-        return names[:0]
+        return np.zeros(0, np.intp)
     points = points[:: max(1, len(points) // 5)]
     angles = np.linspace(0, 2 * np.pi, _RAYS, endpoint=False)
     directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     starts = np.repeat(points, _RAYS, axis=0)
     lengths = ray_lengths(starts, np.tile(directions, (len(points), 1)), walls)
     met = np.isfinite(lengths).any(axis=1)
-    return names[np.unique(lengths[met].argmin(axis=1))]
+    return np.unique(lengths[met].argmin(axis=1))
 
 
 def _chain(loops: list[Points]) -> Indices:
