@@ -8,8 +8,9 @@ Sources: M. Althoff et al., "CommonRoad: Vehicle Models"; parameters of the F1TE
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -131,47 +132,33 @@ def advance(
         acceleration: m/s^2, along the direction of travel.
         steering_rate: rad/s.
         parameters: Of the vehicle.
-        time_step: s.
+        time_step: s, short enough for the wheels to turn by less than 0.1 rad and the car 0.5 rad.
     """
+    start, middle, end = _moments(car, acceleration, steering_rate, parameters, time_step)
 
-    def rates(at: Car) -> Car:
-        return derivative(at, acceleration, steering_rate, parameters=parameters)
+    def rates(at: _Motion, moment: _Moment) -> _Motion:
+        return _rates(at, moment, acceleration, parameters)
 
-    def moved(slope: Car, time: float | Array) -> Car:
-        return jax.tree.map(lambda value, rate: value + time * rate, car, slope)
-
-    first = rates(car)
-    second = rates(moved(first, time_step / 2))
-    third = rates(moved(second, time_step / 2))
-    fourth = rates(moved(third, time_step))
-    mean = jax.tree.map(lambda a, b, c, d: (a + 2 * (b + c) + d) / 6, first, second, third, fourth)
-    return moved(mean, time_step)
-
-
-def derivative(
-    car: Car, acceleration: Array, steering_rate: Array, *, parameters: VehicleParameters
-) -> Car:
-    """Rates of change of every field of the state.
-
-    Args:
-        car: The state.
-        acceleration: m/s^2, along the direction of travel.
-        steering_rate: rad/s.
-        parameters: Of the vehicle.
-    """
-    share = dynamic_share(car.speed)
-    spin, drift = _dynamic(car, acceleration, parameters)
-    kinematic_spin, kinematic_drift = _kinematic(car, acceleration, steering_rate, parameters)
-    direction = car.yaw + car.slip
-    return replace(
-        car,
-        x=car.speed * jnp.cos(direction),
-        y=car.speed * jnp.sin(direction),
-        yaw=car.yaw_rate,
-        speed=acceleration,
-        yaw_rate=kinematic_spin + share * (spin - kinematic_spin),
-        slip=kinematic_drift + share * (drift - kinematic_drift),
-        steering=steering_rate,
+    first = _Motion(
+        *(jnp.zeros_like(car.yaw) for _ in range(3)), yaw_rate=car.yaw_rate, slip=car.slip
+    )
+    slope = rates(first, start)
+    second_slope = rates(first.moved(slope, time_step / 2), middle)
+    third_slope = rates(first.moved(second_slope, time_step / 2), middle)
+    fourth_slope = rates(first.moved(third_slope, time_step), end)
+    mean = jax.tree.map(
+        lambda a, b, c, d: (a + 2 * (b + c) + d) / 6, slope, second_slope, third_slope, fourth_slope
+    )
+    last = first.moved(mean, time_step)
+    cosine, sine = jnp.cos(car.yaw + car.slip), jnp.sin(car.yaw + car.slip)
+    return Car(
+        x=car.x + cosine * last.along - sine * last.across,
+        y=car.y + sine * last.along + cosine * last.across,
+        yaw=car.yaw + last.turn,
+        speed=end.speed,
+        yaw_rate=last.yaw_rate,
+        slip=last.slip,
+        steering=end.steering,
     )
 
 
@@ -188,41 +175,139 @@ def rolling(car: Car, *, parameters: VehicleParameters) -> tuple[Array, Array]:
     return car.speed * ratio * cosine / parameters.rear_axle, jnp.arctan(ratio)
 
 
-def _kinematic(
-    car: Car, acceleration: Array, steering_rate: Array, p: VehicleParameters
-) -> tuple[Array, Array]:
-    """Rates of yaw rate and slip that keep rolling what rolls, and let a slide fade."""
-    yaw_rate, slip = rolling(car, parameters=p)
-    tangent = jnp.tan(car.steering)
-    tangent_rate = (1 + tangent * tangent) * steering_rate
+class _Motion(NamedTuple):
+    """What the forces change during a step, or its rates."""
+
+    along: Array
+    """Place in the direction of travel at the start, m. In these axes angles stay small, and
+    polynomials do for the sines and cosines of the four stages, most of a step's cost."""
+    across: Array
+    """To the left of it, m."""
+    turn: Array
+    """Yaw since the start, rad."""
+    yaw_rate: Array
+    """rad/s."""
+    slip: Array
+    """rad."""
+
+    def moved(self, slope: _Motion, time: float | Array) -> _Motion:
+        return _Motion(*(value + time * rate for value, rate in zip(self, slope, strict=True)))
+
+
+class _Moment(NamedTuple):
+    """What is known of a moment before the forces are: inputs, and the rolling of the wheels."""
+
+    speed: Array
+    steering: Array
+    heading: Array
+    """Slip at the start of the step, rad."""
+    share: Array
+    """Of the dynamic model."""
+    yaw_rate: Array
+    """Of rolling wheels, rad/s."""
+    yaw_rate_rate: Array
+    """Its derivative in time."""
+    slip: Array
+    """Of rolling wheels, rad."""
+    slip_rate: Array
+    """Its derivative in time."""
+
+
+def _moments(
+    car: Car,
+    acceleration: Array,
+    steering_rate: Array,
+    p: VehicleParameters,
+    time_step: float | Array,
+) -> list[_Moment]:
+    """The start, the middle and the end of a step."""
     lever = p.rear_axle / p.wheelbase
-    squared_cosine = 1 / (1 + (lever * tangent) ** 2)
-    # The time derivatives of both values of `rolling`.
-    yaw_rate_rate = jnp.sqrt(squared_cosine) / p.wheelbase
-    yaw_rate_rate *= acceleration * tangent + car.speed * tangent_rate * squared_cosine
-    slip_rate = lever * tangent_rate * squared_cosine
-    return (
-        yaw_rate_rate + (yaw_rate - car.yaw_rate) / _SETTLING_TIME,
-        slip_rate + (slip - car.slip) / _SETTLING_TIME,
+    first_tangent = jnp.tan(car.steering)
+    first_slip = jnp.arctan(lever * first_tangent)
+    moments: list[_Moment] = []
+    for time in (0.0, time_step / 2, time_step):
+        speed = car.speed + time * acceleration
+        turned = _tangent(time * steering_rate)
+        tangent = (first_tangent + turned) / (1 - first_tangent * turned)
+        tangent_rate = (1 + tangent * tangent) * steering_rate
+        # Of the slip angle of rolling wheels, whose tangent is lever * tangent.
+        cosine = jax.lax.rsqrt(1 + (lever * tangent) ** 2)
+        gained = lever * (tangent - first_tangent)
+        gained = gained / (1 + lever * lever * tangent * first_tangent)
+        change = acceleration * tangent + speed * tangent_rate * cosine * cosine
+        moments.append(
+            _Moment(
+                speed=speed,
+                steering=car.steering + time * steering_rate,
+                heading=car.slip,
+                share=dynamic_share(speed),
+                yaw_rate=speed * tangent * cosine / p.wheelbase,
+                yaw_rate_rate=change * cosine / p.wheelbase,
+                slip=first_slip + _arc_tangent(gained),
+                slip_rate=lever * tangent_rate * cosine * cosine,
+            )
+        )
+    return moments
+
+
+def _rates(at: _Motion, now: _Moment, acceleration: Array, p: VehicleParameters) -> _Motion:
+    """Rates of change at a moment: of the dynamic model, the kinematic one, or between them."""
+    spin, drift = _dynamic(at, now, acceleration, p)
+    # The kinematic model keeps rolling what rolls, and lets what is left of a slide fade.
+    rolling_spin = now.yaw_rate_rate + (now.yaw_rate - at.yaw_rate) / _SETTLING_TIME
+    rolling_drift = now.slip_rate + (now.slip - at.slip) / _SETTLING_TIME
+    direction = at.turn + at.slip - now.heading
+    return _Motion(
+        along=now.speed * _cosine(direction),
+        across=now.speed * _sine(direction),
+        turn=at.yaw_rate,
+        yaw_rate=rolling_spin + now.share * (spin - rolling_spin),
+        slip=rolling_drift + now.share * (drift - rolling_drift),
     )
 
 
-def _dynamic(car: Car, acceleration: Array, p: VehicleParameters) -> tuple[Array, Array]:
+def _dynamic(
+    at: _Motion, now: _Moment, acceleration: Array, p: VehicleParameters
+) -> tuple[Array, Array]:
     """Rates of yaw rate and slip from the lateral forces of both axles (CommonRoad, ST model)."""
     # Below, the kinematic model holds alone; the value only keeps what is multiplied by 0 finite.
-    speed = jnp.maximum(car.speed, KINEMATIC_BELOW)
-    lag = car.yaw_rate / speed
-    front_slip = car.steering - car.slip - p.front_axle * lag
-    rear_slip = -car.slip + p.rear_axle * lag
+    speed = jnp.maximum(now.speed, KINEMATIC_BELOW)
+    lag = at.yaw_rate / speed
+    front_slip = now.steering - at.slip - p.front_axle * lag
+    rear_slip = -at.slip + p.rear_axle * lag
     transfer = acceleration * p.height
     grip = p.friction / p.wheelbase
     # Per unit of mass. Load moves to the rear axle under acceleration.
     front = grip * (p.gravity * p.rear_axle - transfer) * _limited(p.front_stiffness * front_slip)
     rear = grip * (p.gravity * p.front_axle + transfer) * _limited(p.rear_stiffness * rear_slip)
     spin = (p.front_axle * front - p.rear_axle * rear) * p.mass / p.inertia
-    return spin, (front + rear) / speed - car.yaw_rate
+    return spin, (front + rear) / speed - at.yaw_rate
 
 
 def _limited(force: Array) -> Array:
     """A lateral force over its friction limit."""
     return jnp.clip(force, -1.0, 1.0)
+
+
+def _sine(angle: Array) -> Array:
+    """Of an angle below 0.5 rad, to 2e-8 (Taylor)."""
+    square = angle * angle
+    return angle * (1 - square / 6 * (1 - square / 20 * (1 - square / 42)))
+
+
+def _cosine(angle: Array) -> Array:
+    """Of an angle below 0.5 rad, to 1e-7 (Taylor)."""
+    square = angle * angle
+    return 1 - square / 2 * (1 - square / 12 * (1 - square / 30))
+
+
+def _tangent(angle: Array) -> Array:
+    """Of an angle below 0.1 rad, to 1e-8 (Taylor)."""
+    square = angle * angle
+    return angle * (1 + square / 3 * (1 + square * 0.4))
+
+
+def _arc_tangent(ratio: Array) -> Array:
+    """Of a ratio below 0.1, to 2e-8 (Taylor)."""
+    square = ratio * ratio
+    return ratio * (1 - square / 3 * (1 - square * 0.6))
