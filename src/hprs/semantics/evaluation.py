@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial, reduce
 from types import ModuleType
 from typing import Any, TypeAlias, cast
 
@@ -112,10 +112,12 @@ def evaluate_arrays(plan: Plan, signals: Signals, xp: ModuleType) -> Evaluation:
     scores = operations["max"](1.0 - negative / lows, 0.0)
     if plan.compound:
         leaf_scores = [*leaves[:first], *scores]
-        rows = plan.combine(leaf_scores, xp.minimum, xp.maximum)[plan.safety_count :]
+        least, most = partial(reduce, xp.minimum), partial(reduce, xp.maximum)
+        rows = plan.combine(leaf_scores, least, most)[plan.safety_count :]
         scores = xp.stack(rows) if rows else scores
-        leaves = xp.stack(plan.combine(list(leaves), xp.minimum, xp.maximum))
-        satisfied = xp.stack(plan.combine(list(satisfied), both, either))
+        leaves = xp.stack(plan.combine(list(leaves), least, most))
+        every, some = partial(reduce, both), partial(reduce, either)
+        satisfied = xp.stack(plan.combine(list(satisfied), every, some))
     if plan.safety_count:
         binary = xp.astype(satisfied[: plan.safety_count], leaves.dtype)
         scores = xp.concat([binary, scores])

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache, reduce
+from functools import lru_cache
 from types import ModuleType
 from typing import Any, NamedTuple, TypeVar
 
@@ -97,10 +97,10 @@ class Plan:
     def combine(
         self,
         leaves: Sequence[T],
-        conjunction: Callable[[T, T], T],
-        disjunction: Callable[[T, T], T],
+        conjunction: Callable[[Sequence[T]], T],
+        disjunction: Callable[[Sequence[T]], T],
     ) -> list[T]:
-        """One value a row from one value a leaf, through `and` and `or`."""
+        """One value a row from one value a leaf, through `and` and `or` of any number of parts."""
         following = iter(leaves)
         return [_fold(row.predicate, following, conjunction, disjunction) for row in self.rows]
 
@@ -126,13 +126,13 @@ def _array_margins(task: Task, xp: ModuleType) -> Margins:
 def _fold(
     predicate: Predicate,
     leaves: Iterator[T],
-    conjunction: Callable[[T, T], T],
-    disjunction: Callable[[T, T], T],
+    conjunction: Callable[[Sequence[T]], T],
+    disjunction: Callable[[Sequence[T]], T],
 ) -> T:
     if isinstance(predicate, Comparison):
         return next(leaves)
-    parts: list[Any] = [_fold(part, leaves, conjunction, disjunction) for part in predicate.parts]
-    return reduce(conjunction if isinstance(predicate, And) else disjunction, parts)
+    parts = [_fold(part, leaves, conjunction, disjunction) for part in predicate.parts]
+    return (conjunction if isinstance(predicate, And) else disjunction)(parts)
 
 
 def _groups(task: Task, rows: Sequence[Requirement]) -> tuple[Group, ...]:

@@ -8,7 +8,7 @@ instructions: closures that the compiler made, in loops without special cases.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TypeAlias, cast
 
 from hprs.semantics.plan import Evaluation, Plan
@@ -114,7 +114,7 @@ def _row_by_row(plan: Plan, functions: tuple[Any, ...]) -> Evaluator:
         _leaf(function, strict, low)
         for function, strict, low in zip(functions, plan.strict, lows, strict=True)
     ]
-    rows = plan.combine(leaves, _lift("min", all), _lift("max", any))
+    rows = plan.combine(leaves, _connective("min", all), _connective("max", any))
     rows[: plan.safety_count] = [_binary(row) for row in rows[: plan.safety_count]]
 
     def evaluate(values: Values) -> Evaluation:
@@ -150,16 +150,17 @@ def _binary(whole: RowFunction) -> RowFunction:
     return safety
 
 
-def _lift(
-    extremum: str, connective: Callable[[tuple[bool, bool]], bool]
-) -> Callable[[RowFunction, RowFunction], RowFunction]:
+def _connective(
+    extremum: str, holds: Callable[[Iterable[bool]], bool]
+) -> Callable[[Sequence[RowFunction]], RowFunction]:
     pick = float_operations()[extremum]
 
-    def combine(f: RowFunction, g: RowFunction) -> RowFunction:
-        def both_parts(values: Values) -> Triple:
-            a, b = f(values), g(values)
-            return pick(a[0], b[0]), connective((a[1], b[1])), pick(a[2], b[2])
+    def combine(parts: Sequence[RowFunction]) -> RowFunction:
+        # One closure for all parts: a pair of closures a part would recurse as deep as they are.
+        def whole(values: Values) -> Triple:
+            margins, satisfied, scores = zip(*[part(values) for part in parts], strict=True)
+            return pick(*margins), holds(satisfied), pick(*scores)
 
-        return both_parts
+        return whole
 
     return combine

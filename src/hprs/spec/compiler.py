@@ -35,6 +35,10 @@ Values = MutableMapping[str, Array]
 Function = Callable[[Values], Array]
 
 
+_DEEPEST_INLINED = 50
+"""Levels of expressions, one inside another, that become one closure at most: closures recurse."""
+
+
 class _Compiled(NamedTuple):
     """A compiled expression: a function of the signals, or a constant; vectors have a length."""
 
@@ -266,12 +270,17 @@ def compile_margins(
         for name in mentions(node)
     )
     definitions: list[tuple[str, Function]] = []
+    depths: dict[str, int] = {}
     for definition in task.definitions:
         part = compiler.compile(definition.value)
         if part.function is None or not uses[definition.name]:
             continue
-        if uses[definition.name] == 1:
+        depth = definition.value.depth + max(
+            (depths.get(name, 0) for name in mentions(definition.value)), default=0
+        )
+        if uses[definition.name] == 1 and depth <= _DEEPEST_INLINED:
             compiler.inlined[definition.name] = part
+            depths[definition.name] = depth
         else:
             definitions.append((definition.name, part.function))
     parts = [compiler.compile(comparison.margin) for comparison in comparisons]
