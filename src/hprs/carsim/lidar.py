@@ -39,7 +39,7 @@ class Lidar:
     reach: float = SIGHT
     """Largest reading in m. A Hokuyo UST-10LX on a real car sees 10 m."""
     ahead: float = 0.217 - 0.17145
-    """Of the centre of mass in m: the mount of the paper's code is 0.217 m ahead of the rear axle."""
+    """Of the centre of mass in m; the paper's code has it 0.217 m ahead of the rear axle."""
 
     def __post_init__(self) -> None:
         if self.beams < 1:
