@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import torch
 
-from hprs import parse_task
+from hprs import assess, parse_task
 from hprs.errors import SignalError
 from hprs.semantics.evaluation import (
     carry,
@@ -271,6 +271,32 @@ def test_nan_propagates() -> None:
     state = {"x": math.nan, "y": 0.5}
     assert math.isnan(potential(task, state))
     assert np.isnan(potential(task, as_batch(state))).all()
+
+
+X = "signal x in [-5, 5]\n"
+LONG = {
+    "or": X + "ensure r: " + " or ".join(f"x <= {i % 4}" for i in range(1500)),
+    "chain": X + "ensure r: " + " <= ".join(["x", *(f"{3 + 7 * i}" for i in range(1400))]),
+    "definitions used once": X
+    + "let a0 = x\n"
+    + "".join(f"let a{i + 1} = -a{i}\n" for i in range(1200))
+    + "ensure r: a1200 <= 3",
+    "nested definitions used once": X
+    + "let a0 = x\n"
+    + "".join(f"let a{i + 1} = {'mean(0, 2 * ' * 45}a{i}{')' * 45}\n" for i in range(40))
+    + f"ensure r: {'mean(0, 2 * ' * 45}a40{')' * 45} <= 3",
+}
+"""Tasks that take thousands of operations one after the other."""
+
+
+@pytest.mark.parametrize("text", LONG.values(), ids=LONG)
+def test_the_length_of_a_task_is_not_the_depth_of_its_evaluation(text: str) -> None:
+    task = parse_task(text)
+    assert margins(task, {"x": 1.0}) == {"r": 2.0}
+    assert scores(task, {"x": 4.0}) == {"r": 0.0}
+    batch = {"x": np.asarray([1.0, 4.0])}
+    assert margins(task, batch)["r"].tolist() == [2.0, -1.0]
+    assert assess(task, batch).pam == 0.75
 
 
 def test_a_missing_signal_is_named(driving: Task) -> None:

@@ -167,6 +167,34 @@ def test_an_expression_by_hand_on_every_kind_of_number(expression: str, expected
 
 
 @pytest.mark.parametrize(
+    ("expression", "expected"),
+    [
+        ("z ** 0.5", -0.0),
+        ("sqrt(z)", -0.0),
+        ("z ** 2", 0.0),
+        ("z ** 3", -0.0),
+        ("z ** -1", -math.inf),
+        ("z ** -3", -math.inf),
+        ("z ** -2", math.inf),
+        ("z ** -0.5", math.inf),
+        ("atan2(z, -1)", -math.pi),
+        ("atan2(0, z ** 0.5)", math.pi),
+    ],
+)
+def test_a_negative_zero_gives_the_same_on_floats_and_arrays(
+    expression: str, expected: float
+) -> None:
+    # Ranges that leave 0 out, so that a pole is legal: values outside of a range are.
+    low = -1 if "atan2(z" in expression else 0 if "0.5" in expression and "-0" not in expression else 1
+    task = parse_task(f"signal z in [{low}, 2]\nensure r: {expression} >= 0 or z <= 5")
+    found = first_margin(task, {"z": -0.0}, None)
+    with np.errstate(all="ignore"):
+        array = first_margin(task, {"z": np.asarray([-0.0])}, np).item()
+    assert (found, math.copysign(1.0, found)) == (array, math.copysign(1.0, array))
+    assert found == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
     ("relation", "margin"), [("<=", 2.5), ("<", 2.5), (">=", -2.5), (">", -2.5)]
 )
 def test_a_margin_is_positive_where_the_comparison_holds(relation: str, margin: float) -> None:

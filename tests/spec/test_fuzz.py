@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import random
 import sys
@@ -13,12 +14,15 @@ from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from hprs.errors import SpecError
+from hprs.semantics.evaluation import margins
 from hprs.spec.json_format import task_from_json, task_to_json
 from hprs.spec.parser import load_task, parse_task
 from hprs.spec.printer import format_task
+from hprs.spec.task import Task
 from hprs.spec.vocabulary import FUNCTIONS
 from tests.spec.malformed import MALFORMED
 
@@ -135,7 +139,7 @@ GENERATORS: dict[str, Callable[[random.Random], str]] = {
 
 
 def attempt(text: str) -> str:
-    """What comes out; a task also survives its own printer and JSON."""
+    """What comes out; a task also survives its own printer and JSON, and can be evaluated."""
     try:
         task = parse_task(text, path="fuzz.hprs")
     except SpecError as error:
@@ -143,7 +147,35 @@ def attempt(text: str) -> str:
         return type(error).__name__
     assert parse_task(format_task(task)) == task
     assert task_from_json(task_to_json(task)) == task
+    evaluated(task)
     return "task"
+
+
+def evaluated(task: Task) -> None:
+    """Floats and arrays give the same finite numbers; without infinite ends, within the bounds."""
+    shares = np.asarray([0.0, 0.3, 0.5, 1.0])
+    ends = {s.name: task.ranges[s.name] for s in task.signals}
+    bounded = all(math.isfinite(end.low) and math.isfinite(end.high) for end in ends.values())
+    batch = {}
+    for signal in task.signals:
+        low, high = (max(-1e3, ends[signal.name].low), min(1e3, ends[signal.name].high))
+        column = low + shares * (high - low)
+        batch[signal.name] = (
+            column
+            if signal.length is None
+            else np.repeat(column[:, None], min(signal.length, 100), axis=1)
+        )
+    with np.errstate(all="ignore"):
+        found = margins(task, batch)
+        for row in range(len(shares)):
+            state = {name: value[row] for name, value in batch.items()}
+            one = margins(task, {n: v if v.ndim else float(v) for n, v in state.items()})
+            for label, (low, high) in task.bounds.items():
+                margin = np.broadcast_to(found[label], shares.shape)[row]
+                slack = 1e-9 * max(1.0, abs(margin))
+                np.testing.assert_allclose(one[label], margin, rtol=1e-6, atol=slack)
+                if bounded:
+                    assert low - slack <= margin <= high + slack, (label, margin, low, high)
 
 
 def fuzz(count: int, seed: int) -> Counter[str]:

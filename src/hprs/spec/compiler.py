@@ -99,6 +99,9 @@ class _Compiler:
             return quick
         f, g = self._aligned(left, length), self._aligned(right, length)
         a, b = left.constant, right.constant
+        if symbol == "**" and g is None and b == 0.5:
+            # NumPy takes the root of an array and not of a number; they differ at -0.0 and -inf.
+            return _applied(self._operations(length)["sqrt"], _function(left))
         if symbol in ("/", "**"):
             operation = self._operations(length)[symbol]
             if f is None:

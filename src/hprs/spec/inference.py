@@ -133,6 +133,7 @@ def _reduced(function: str, x: Interval, length: int) -> Interval:
     if function == "sum":
         return interval.multiply(x, interval.point(float(length)))
     if function == "norm":
+        _ = interval.multiply(interval.square(x), interval.point(float(length)))
         return interval.multiply(interval.absolute(x), interval.point(math.sqrt(length)))
     return x
 
@@ -151,7 +152,7 @@ def _square(x: Interval, _: Interval) -> Interval:
 
 
 def _hypot(x: Interval, y: Interval) -> Interval:
-    return interval.norm((x, y))
+    return interval.hypotenuse((x, y))
 
 
 _BINARY: Mapping[str, Callable[[Interval, Interval], Interval]] = {

@@ -1,7 +1,8 @@
 """Interval arithmetic: the range of an expression from the ranges of its signals.
 
 Every operation returns an interval that contains all values its arguments' intervals allow, up to
-rounding. An operation that is undefined somewhere in its arguments' intervals raises `DomainError`.
+rounding. An operation that is undefined somewhere in its arguments' intervals, or too large for a
+float at finite ends of them, raises `DomainError`: from infinities come NaN.
 """
 
 from __future__ import annotations
@@ -9,6 +10,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+
+
+_TOO_LARGE = "the result is too large for a float"
 
 
 class DomainError(ValueError):
@@ -25,7 +29,7 @@ class Interval:
     def __post_init__(self) -> None:
         """Reject empty intervals and NaN."""
         if math.isinf(self.low) and self.low == self.high:
-            raise DomainError("the result is too large for a float")
+            raise DomainError(_TOO_LARGE)
         if not self.low <= self.high:
             raise DomainError(f"[{self.low:g}, {self.high:g}] is empty")
 
@@ -63,7 +67,7 @@ def negate(x: Interval) -> Interval:
 
 def add(x: Interval, y: Interval) -> Interval:
     """Range of `x + y`."""
-    return Interval(x.low + y.low, x.high + y.high)
+    return total((x, y))
 
 
 def subtract(x: Interval, y: Interval) -> Interval:
@@ -118,7 +122,7 @@ def maximum(parts: Sequence[Interval]) -> Interval:
 
 def total(parts: Sequence[Interval]) -> Interval:
     """Range of the sum of several values."""
-    return Interval(sum(p.low for p in parts), sum(p.high for p in parts))
+    return Interval(_sum([p.low for p in parts]), _sum([p.high for p in parts]))
 
 
 def mean(parts: Sequence[Interval]) -> Interval:
@@ -127,9 +131,15 @@ def mean(parts: Sequence[Interval]) -> Interval:
 
 
 def norm(parts: Sequence[Interval]) -> Interval:
-    """Range of the Euclidean norm of several values."""
-    ends = [absolute(part) for part in parts]
-    return Interval(math.hypot(*(e.low for e in ends)), math.hypot(*(e.high for e in ends)))
+    """Range of the Euclidean norm of several values, whose squares must be floats."""
+    _ = total([square(part) for part in parts])
+    return hypotenuse(parts)
+
+
+def hypotenuse(parts: Sequence[Interval]) -> Interval:
+    """Range of the Euclidean norm of several values, computed without their squares."""
+    lows, highs = zip(*((end.low, end.high) for end in map(absolute, parts)), strict=True)
+    return Interval(_finite(math.hypot(*lows), *lows), _finite(math.hypot(*highs), *highs))
 
 
 def clip(x: Interval, low: Interval, high: Interval) -> Interval:
@@ -204,43 +214,48 @@ def _hull(values: Iterable[float]) -> Interval:
 
 def _product(a: float, b: float) -> float:
     # An infinite end stands for values without bound, never for infinity itself: 0 * x is 0.
-    return 0.0 if 0.0 in (a, b) and math.inf in (abs(a), abs(b)) else a * b
+    return 0.0 if 0.0 in (a, b) and math.inf in (abs(a), abs(b)) else _finite(a * b, a, b)
 
 
 def _quotient(a: float, b: float) -> float:
     if math.isinf(b):
         return 0.0 if math.isfinite(a) else math.copysign(math.inf, a) * math.copysign(1.0, b)
-    return a / b
+    return _finite(a / b, a)
 
 
 def _power(a: float, b: float) -> float:
     try:
         return a**b
     except OverflowError:
-        return math.inf
+        raise DomainError(_TOO_LARGE) from None
+
+
+def _sum(values: Sequence[float]) -> float:
+    return _finite(sum(values), *values)
+
+
+def _finite(result: float, *arguments: float) -> float:
+    """The result of arguments; it may be infinite only where one of them is."""
+    if math.isinf(result) and all(map(math.isfinite, arguments)):
+        raise DomainError(_TOO_LARGE)
+    return result
 
 
 def _integer_power(x: Interval, exponent: float) -> Interval:
-    if exponent < 0.0:
-        if 0.0 in x:
-            raise DomainError(f"the base's range {x} contains 0 under a negative exponent")
-        return divide(point(1.0), _integer_power(x, -exponent))
+    if exponent < 0.0 and 0.0 in x:
+        raise DomainError(f"the base's range {x} contains 0 under a negative exponent")
     if exponent == 0.0:
         return point(1.0)
-    if exponent % 2.0 == 0.0:
-        ends = absolute(x)
-        return Interval(_power(ends.low, exponent), _power(ends.high, exponent))
-    return Interval(
-        math.copysign(_power(abs(x.low), exponent), x.low),
-        math.copysign(_power(abs(x.high), exponent), x.high),
-    )
+    # Away from 0, an integer power of a magnitude is monotone.
+    ends = absolute(x) if exponent % 2.0 == 0.0 else x
+    return _hull(math.copysign(_power(abs(end), exponent), end) for end in (ends.low, ends.high))
 
 
 def _exp(value: float) -> float:
     try:
         return math.exp(value)
     except OverflowError:
-        return math.inf
+        raise DomainError(_TOO_LARGE) from None
 
 
 def _sign(value: float) -> float:

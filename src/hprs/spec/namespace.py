@@ -174,7 +174,7 @@ def _power(a: float, b: float) -> float:
     try:
         result = a**b
     except ZeroDivisionError:
-        return math.inf
+        return math.copysign(math.inf, a) if b % 2.0 == 1.0 else math.inf
     except OverflowError:
         return -math.inf if a < 0.0 and b % 2.0 == 1.0 else math.inf
     return math.nan if isinstance(result, complex) else result
