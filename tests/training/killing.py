@@ -33,10 +33,16 @@ KINDS: dict[str, Callable[[Path], Configuration]] = {
         evaluation_interval=500,
         evaluation_episodes=4,
     ),
-    "long sac": lambda folder: off_policy(
-        folder, settings={"buffer_size": 1000}, steps=4000, evaluation_interval=200, horizon=100
+    "long sac": lambda folder: sb3.configure(
+        "hprs/BipedalWalker-v0",
+        settings={"environments": 2, "learning_starts": 100, "buffer_size": 1000, "batch_size": 32,
+                  "net_arch": [32]},
+        horizon=200,
+        steps=4000,
+        evaluation_interval=200,
+        evaluation_episodes=2,
     ),
-}
+}  # fmt: skip
 
 
 def fork(work: Callable[[], object]) -> int:

@@ -75,6 +75,35 @@ def test_an_environment_that_goes_elsewhere_is_found_out():
     assert env.replay(EpisodeState(start, state.actions)) == "the same actions led elsewhere"
 
 
+class Ageing(gym.Env):
+    """Pays once, in its third step, for how many episodes it has seen; nothing else shows it."""
+
+    observation_space = gym.spaces.Box(0, 1, (1,))
+    action_space = gym.spaces.Discrete(2)
+
+    def __init__(self):
+        self.age = 0
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.age, self.steps = self.age + 1, 0
+        return np.zeros(1, np.float32), {}
+
+    def step(self, action):
+        self.steps += 1
+        return np.zeros(1, np.float32), float(self.age * (self.steps == 3)), False, False, {}
+
+
+@pytest.mark.parametrize("steps", [2, 3, 7])
+def test_hidden_state_is_found_out_as_soon_as_a_reward_has_shown_it(steps):
+    env, other = EpisodeLog(Ageing()), EpisodeLog(Ageing())
+    for seed in (1, 2):
+        env.reset(seed=seed)
+    for _ in range(steps):
+        env.step(0)
+    assert other.replay(env.state()) == ("the same actions led elsewhere" if steps >= 3 else "")
+
+
 def test_another_kind_of_generator_comes_back_as_well():
     env, other = EpisodeLog(Slider()), EpisodeLog(Slider())
     for one in (env, other):

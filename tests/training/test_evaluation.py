@@ -10,7 +10,13 @@ from hprs.envs import task_of
 from hprs.errors import UsageError
 from hprs.training import evaluation, sb3
 from hprs.training.environment import make_environment
-from hprs.training.evaluation import episode_seeds, evaluate
+from hprs.training.evaluation import (
+    FINAL_SEEDS,
+    TRAINING_SEEDS,
+    episode_seeds,
+    evaluate,
+    training_seeds,
+)
 from hprs.training.policies import ConstantPolicy, RandomPolicy, do_nothing
 from hprs.training.run_directory import create_runs
 from hprs.training.sb3 import recorder
@@ -44,6 +50,19 @@ def test_the_same_seeds_give_the_same_episodes():
 def test_episodes_side_by_side_are_the_episodes_one_by_one():
     seeds = episode_seeds(7, evaluation.SIDE_BY_SIDE + 3)
     assert evaluate(make, BatchedBalance(), seeds) == evaluate(make, Balance(), seeds)
+
+
+@pytest.mark.parametrize("count", [1, 7, 10, 400_000, 1_000_000])
+def test_evaluations_differ_in_their_seeds_and_never_reach_those_of_assessments(count):
+    different = 1_000_000 // count
+    numbers = sorted({0, 1, different - 1, different, 123_456})
+    blocks = {number % different: training_seeds(number, count) for number in numbers}
+    firsts = {block[0]: block[-1] for block in blocks.values()}
+    assert len(firsts) == len(blocks)
+    assert all(last == first + count - 1 for first, last in firsts.items())
+    assert min(firsts) == TRAINING_SEEDS
+    assert max(firsts.values()) < FINAL_SEEDS
+    assert training_seeds(different, count) == training_seeds(0, count)
 
 
 def test_an_episode_is_recorded_as_stepping_by_hand_gives_it():

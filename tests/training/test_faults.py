@@ -4,15 +4,19 @@ import errno
 import os
 import random
 import shutil
+import signal
 import subprocess
 import tempfile
 from pathlib import Path
 
 import pytest
+import torch
 
 from hprs.errors import RunError
 from hprs.training import files, sb3
+from hprs.training.listener import Silence
 from hprs.training.run_directory import RunDirectory, create_runs
+from hprs.training.sb3 import training as training_module
 
 from .small import Interrupter, off_policy, ppo, same_numbers, table
 
@@ -30,9 +34,9 @@ def stopped(tmp_path):
     return run
 
 
-def refusal(run):
+def refusal(run, listener=None):
     with pytest.raises(RunError) as error:
-        sb3.train(run)
+        sb3.train(run, listener)
     text = str(error.value)
     assert "\n" not in text
     return text
@@ -183,6 +187,62 @@ def test_a_damaged_checkpoint_is_never_loaded(stopped, fault):
         part.write_bytes(content)
     assert table(stopped) == before
     assert sb3.train(stopped)
+
+
+def test_a_checkpoint_that_is_gone_ends_in_one_line_and_nothing_else_goes(stopped):
+    shutil.rmtree(stopped.path / "checkpoint")
+    before = table(stopped)
+    for _ in range(2):
+        assert refusal(stopped).startswith(f"{stopped.path / 'checkpoint'} is missing. This ")
+    assert table(stopped) == before
+    assert sb3.load_policy(stopped, "last") is not None
+
+
+class Poison(Silence):
+    """Makes a weight NaN after a number of steps; with `stop`, presses Ctrl-C as well."""
+
+    def __init__(self, monkeypatch, step, *, stop):
+        self.step, self.stop, self.model = step, stop, None
+        made = training_module.open_model
+
+        def open_model(*arguments):
+            self.model, restoration = made(*arguments)
+            return self.model, restoration
+
+        monkeypatch.setattr(training_module, "open_model", open_model)
+
+    def advanced(self, step):
+        if step >= self.step and self.model is not None:
+            with torch.no_grad():
+                next(iter(self.model.policy.parameters())).fill_(float("nan"))
+            if self.stop:
+                os.kill(os.getpid(), signal.SIGINT)
+            self.model = None
+
+
+@pytest.mark.parametrize("stop", [False, True], ids=["evaluated", "ctrl-c"])
+@pytest.mark.parametrize("algorithm", ["dqn", "td3", "ppo", "sac"])
+def test_networks_that_end_in_nan_are_one_line_and_are_not_saved(
+    tmp_path, monkeypatch, algorithm, stop
+):
+    if algorithm in ("dqn", "ppo"):
+        configuration = sb3.configure(
+            "hprs/CartPole-v0", algorithm=algorithm, steps=96, evaluation_interval=32,
+            evaluation_episodes=1, settings={"environments": 2, "net_arch": [8]}
+            | ({"n_steps": 16, "batch_size": 32} if algorithm == "ppo" else {}),
+        )  # fmt: skip
+    else:
+        configuration = off_policy(tmp_path, algorithm, evaluation_episodes=1)
+    run = training(tmp_path, configuration)
+    text = refusal(run, Poison(monkeypatch, 40, stop=stop))
+    assert text.startswith("the training diverged before step ")
+    assert text.endswith(
+        ": its networks hold NaN or infinity. A smaller learning_rate is the first thing to try."
+    )
+    saved = run.checkpoint().progress
+    assert saved.step < 40
+    assert {row["step"] for row in run.evaluations()} == {0, saved.evaluated}
+    assert all(w.isfinite().all() for w in sb3.load_policy(run, "last").model.policy.parameters())
 
 
 def test_two_processes_do_not_train_one_run(stopped):

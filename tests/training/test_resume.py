@@ -47,6 +47,12 @@ CASES = {
     "sac, gSDE, several steps": lambda folder: off_policy(
         folder, "sac", {"use_sde": True, "n_steps": 3, "train_freq": 4}
     ),
+    "sac, Box2D": lambda folder: sb3.configure(
+        "hprs/LunarLanderObstacle-v0",
+        settings={"environments": 2, "learning_starts": 40, "buffer_size": 150, "batch_size": 16,
+                  "net_arch": [8]},
+        horizon=60, steps=240, evaluation_interval=45, evaluation_episodes=1,
+    ),
     "td3 with noise": lambda folder: off_policy(folder, "td3", {"action_noise": 0.2}),
     "a2c": lambda folder: sb3.configure(
         CART_POLE,

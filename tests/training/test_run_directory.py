@@ -1,16 +1,21 @@
 import json
+import os
+import shutil
+import time
 from dataclasses import replace
 
 import pytest
 
 from hprs.envs import task_of, task_text_of
 from hprs.errors import RunError
+from hprs.training import evaluation_table, files
 from hprs.training.checkpoint import Checkpoint, Progress
 from hprs.training.configuration import Configuration
 from hprs.training.environment import make_environment
 from hprs.training.evaluation import evaluate
 from hprs.training.evaluation_table import columns, format_rows
 from hprs.training.policies import ConstantPolicy
+from hprs.training.provenance import versions
 from hprs.training.run_directory import (
     RunDirectory,
     create_runs,
@@ -74,17 +79,66 @@ def test_a_comment_in_the_task_does_not_change_the_digest():
     assert replace(CONFIGURATION, task_text=text).digest == CONFIGURATION.digest
 
 
-def test_an_existing_run_is_refused_with_a_hint(run, tmp_path):
+def test_an_existing_run_is_refused_with_a_hint(run, episodes, tmp_path):
+    save(run, episodes, 0)
     with pytest.raises(
         RunError, match=f"exists already. Go on with it: hprs train --resume {run.path}"
     ):
         create_runs([CONFIGURATION], tmp_path)
 
 
-def test_no_seed_is_created_if_one_of_them_exists(run, tmp_path):
+def test_no_seed_is_created_if_one_of_them_has_begun(run, episodes, tmp_path):
+    save(run, episodes, 0)
     with pytest.raises(RunError, match=r"exists already"):
         create_runs([replace(CONFIGURATION, seed=seed) for seed in (1, 0)], tmp_path)
     assert not (run.path.parent / "seed-1").exists()
+
+
+def test_seeds_that_a_killed_process_made_and_did_not_begin_are_taken_over(run, tmp_path):
+    runs = create_runs([replace(CONFIGURATION, seed=seed) for seed in range(3)], tmp_path)
+    assert runs[0] == run
+    assert find_runs(run.path.parent) == runs
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_two_processes_that_make_the_same_runs_at_once_do_not_disturb_each_other(
+    tmp_path, monkeypatch
+):
+    write = files.write
+    monkeypatch.setattr(files, "write", lambda *args: (write(*args), time.sleep(0.02)))
+    configurations = [replace(CONFIGURATION, seed=seed) for seed in range(4)]
+
+    def make():
+        try:
+            create_runs(configurations, tmp_path)
+        except RunError as error:
+            os._exit(3 if "is being trained by another process (" in str(error) else 4)
+        os._exit(0)
+
+    children = []
+    for _ in range(2):
+        children.append(os.fork())
+        if not children[-1]:
+            make()
+    codes = sorted(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) for child in children)
+    assert codes in ([0, 0], [0, 3])
+    assert len(find_runs(folder_of(CONFIGURATION, tmp_path))) == 4
+
+
+def test_a_run_that_begins_while_another_process_makes_it_is_not_touched(
+    run, episodes, tmp_path, monkeypatch
+):
+    header = evaluation_table.header
+
+    def meanwhile(task):
+        if not run.has_begun:
+            save(run, episodes, 0)
+        return header(task)
+
+    monkeypatch.setattr(evaluation_table, "header", meanwhile)
+    with pytest.raises(RunError, match=r"exists already"):
+        create_runs([CONFIGURATION], tmp_path)
+    assert len(run.evaluations()) == 2
 
 
 def test_a_module_in_an_environment_id_stays_one_folder(tmp_path):
@@ -136,12 +190,70 @@ def test_opening_a_run_adds_the_rows_that_a_kill_kept_from_the_table(run, episod
     assert table.read_text() == after
 
 
-def test_opening_a_run_without_checkpoint_empties_the_table(run):
+def test_a_run_that_has_not_begun_has_no_checkpoint(run):
+    assert run.open() is None
+    assert not run.has_begun
+
+
+@pytest.mark.parametrize("left", ["rows", "half a row", "policy"])
+def test_a_run_whose_checkpoint_is_gone_is_refused_and_keeps_everything(run, episodes, left):
     table = run.path / "evaluations.csv"
     header = table.read_text()
-    table.write_text(header + "0,4,1")
-    assert run.open() is None
-    assert table.read_text() == header
+    save(run, episodes, 0)
+    run.save_policy("last", trainer="sb3", step=0, name="policy.zip", data=b"network")
+    shutil.rmtree(run.path / "checkpoint")
+    if left != "policy":
+        shutil.rmtree(run.path / "policy")
+    if left != "rows":
+        table.write_text(header + ("0,4,1" if left == "half a row" else ""))
+    before = {file: file.read_bytes() for file in run.path.rglob("*") if file.is_file()}
+    with pytest.raises(RunError) as error:
+        run.open()
+    assert str(error.value) == (
+        f"{run.path / 'checkpoint'} is missing. This training cannot go on; its evaluations and "
+        f"policies are untouched (hprs evaluate {run.path}). To train anew, choose another folder "
+        "with --out."
+    )
+    assert {file: file.read_bytes() for file in before} == before
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda lines: [*lines[:2], "0,5,oops\n", *lines[3:]], "is damaged: line 3 is no row. Put back a copy of the file, or delete that line."),
+        (lambda lines: [*lines[:2], "0,5\n", *lines[3:]], "is damaged: line 3 is no row."),
+        (lambda lines: [*lines[:2], "\0\0\n", *lines[3:]], "is damaged: line 3 is no row."),
+        (lambda lines: lines[1:], "is damaged: line 1 is no header. Put back a copy of it. To train anew, choose"),
+        (lambda lines: [lines[0][:60]], "is damaged: line 1 is no header."),
+        (lambda lines: [], "is damaged: line 1 is no header."),
+        (None, "is missing. Put back a copy of it. To train anew, choose another folder with --out."),
+    ],
+)  # fmt: skip
+def test_a_damaged_table_is_one_line_that_says_what_to_do(run, episodes, change, message):
+    save(run, episodes, 0)
+    save(run, episodes, 100)
+    table = run.path / "evaluations.csv"
+    if change is None:
+        table.unlink()
+    else:
+        table.write_text("".join(change(table.read_text().splitlines(keepends=True))))
+    for use in (run.evaluations, run.open):
+        with pytest.raises(RunError) as error:
+            use()
+        assert str(error.value).startswith(f"{table} {message}")
+
+
+def test_rows_that_are_gone_are_noticed(run, episodes):
+    run = rewrite(run, evaluation_episodes=2)
+    save(run, episodes, 0, evaluations=1)
+    save(run, episodes, 100, evaluations=2)
+    table, heard = run.path / "evaluations.csv", []
+    run.open(heard.append)
+    assert heard == []
+    lines = table.read_text().splitlines(keepends=True)
+    table.write_text("".join([lines[0], *lines[2:]]))
+    run.open(heard.append)
+    assert heard == [f"{table} is not what was recorded: it has 3 of 4 rows."]
 
 
 def test_a_policy_is_kept_and_checked(run):
@@ -185,7 +297,11 @@ def test_runs_of_different_configurations_are_not_pooled(run):
         ('{"format": 0}', "is of format 0, written by another version of hprs"),
         (
             '{"format": 9, "versions": {"hprs": "7.0"}}',
-            r"is of format 9, written by hprs 7.0; this hprs .* reads formats 1 to 2. Use it with hprs 7.0",
+            r"is of format 9, written by hprs 7.0; this hprs reads formats 1 to 3. Use it with hprs 7.0",
+        ),
+        (
+            json.dumps({"format": 9, "versions": versions(), "commit": "abc123"}),
+            rf"written by hprs {versions()['hprs']} \(commit abc123\); this hprs reads formats",
         ),
         ('{"format": 2}', "cannot be used"),
         ('{"format": 2, "configuration": {"seed": 0}}', "written by another version of hprs"),
@@ -197,21 +313,30 @@ def test_a_broken_run_file_is_said(run, text, message):
         _ = RunDirectory(run.path).configuration
 
 
-def rewrite(run, **changes):
+def rewrite(run, format=3, versions=None, **changes):
     file = run.path / "run.json"
     content = json.loads(file.read_text())
-    if changes["format"] == 1:
+    content["configuration"] |= changes
+    if format == 1:
         del content["configuration"]["environment_options"]
-    file.write_text(json.dumps(content | changes))
+    file.write_text(json.dumps(content | {"format": format, "versions": versions or {}}))
     return RunDirectory(run.path)
 
 
-def test_a_run_of_format_1_can_be_read_and_not_be_gone_on_with(run, episodes):
+@pytest.mark.parametrize("has_checkpoint", [True, False])
+@pytest.mark.parametrize("number", [1, 2])
+def test_a_run_of_an_older_format_can_be_read_and_not_be_gone_on_with(
+    run, episodes, number, has_checkpoint
+):
     save(run, episodes, 0)
-    old = rewrite(run, format=1, versions={"hprs": "0.0.9"})
+    if not has_checkpoint:
+        shutil.rmtree(run.path / "checkpoint")
+    old = rewrite(run, number, {"hprs": "0.0.9"})
     assert old.configuration == CONFIGURATION
     assert len(old.evaluations()) == 2
-    with pytest.raises(RunError, match=r"written by hprs 0.0.9 in format 1, whose checkpoints"):
+    with pytest.raises(
+        RunError, match=rf"written by hprs 0.0.9 in format {number}, whose checkpoints"
+    ):
         old.open()
 
 

@@ -1,6 +1,7 @@
 import json
 import os
 import signal
+import threading
 
 import gymnasium as gym
 import numpy as np
@@ -10,7 +11,7 @@ import torch
 from hprs.errors import SignalError, SpecError, UsageError
 from hprs.training import sb3
 from hprs.training.environment import make_configured
-from hprs.training.evaluation import TRAINING_SEEDS, episode_seeds, evaluate
+from hprs.training.evaluation import evaluate, training_seeds
 from hprs.training.listener import Silence
 from hprs.training.run_directory import create_runs
 from hprs.training.sb3.model import make_vector
@@ -90,7 +91,9 @@ def test_ppo_writes_a_complete_run_directory(tmp_path):
     [run] = create_runs([ppo()], tmp_path)
     assert sb3.train(run)
     assert steps(run) == [0, 0, 64, 64, 128, 128, 192, 192]
-    assert [int(row["seed"]) for row in run.evaluations()[:2]] == episode_seeds(TRAINING_SEEDS, 2)
+    seeds = [int(row["seed"]) for row in run.evaluations()]
+    assert seeds == [seed for number in range(4) for seed in training_seeds(number, 2)]
+    assert len(set(seeds)) == 8
     names = {file.name for file in run.path.iterdir()}
     assert {"run.json", "evaluations.csv", "checkpoint", "policy"} <= names
     assert json.loads((run.policy("last") / "policy.json").read_text())["step"] == 192
@@ -103,7 +106,7 @@ def test_the_last_policy_is_the_one_that_was_evaluated(tmp_path):
     again = evaluate(
         lambda: make_configured(run.configuration),
         sb3.load_policy(run, "last"),
-        episode_seeds(TRAINING_SEEDS, 2),
+        training_seeds(3, 2),
     )
     recorded = run.evaluations()[-2:]
     assert [row["return"] for row in recorded] == [episode.total for episode in again]
@@ -271,6 +274,7 @@ def test_another_file_is_no_policy(tmp_path):
         ({"end": "papr"}, UsageError, "unknown end 'papr'; choose one of paper, invariant, released. Did you mean 'paper'?"),
         ({"algorithm": "sca"}, UsageError, "unknown algorithm 'sca'"),
         ({"steps": 0}, UsageError, "the steps must be at least 1, got 0."),
+        ({"evaluation_episodes": 1_000_001}, UsageError, "an evaluation has at most 1,000,000 episodes."),
         ({"horizon": -1}, UsageError, "the horizon must be at least 1, got -1."),
         ({"settings": {"n_step": 3}}, UsageError, "ppo has no hyper-parameter 'n_step'. Did you mean 'n_steps'?"),
     ],
@@ -290,9 +294,27 @@ def test_a_task_that_does_not_fit_the_environment_is_refused(tmp_path, mountain)
     wrong.write_text("signal x = obs[9] in [0, 1]\nensure low: x <= 0.5\n")
     with pytest.raises(SignalError, match=r"'x'"):
         sb3.configure(CART_POLE, task_path=str(wrong))
+    wrong.write_text("# nothing\n")
+    with pytest.raises(UsageError, match=r"wrong.hprs has no requirement: it asks nothing."):
+        sb3.configure(CART_POLE, task_path=str(wrong))
     wrong.write_text("ensure\n")
     with pytest.raises(SpecError):
         sb3.configure(CART_POLE, task_path=str(wrong))
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
+def test_a_task_is_read_once_so_that_it_may_come_through_a_pipe(tmp_path):
+    pipe = tmp_path / "task"
+    os.mkfifo(pipe)
+    text = "signal x = obs[0] in [-5, 5]\nensure near: abs(x) <= 2\n"
+    writer = threading.Thread(target=pipe.write_text, args=(text,))
+    writer.start()
+    reading = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    configuration = sb3.configure(CART_POLE, task_path=str(pipe))
+    writer.join()
+    os.close(reading)
+    assert configuration.task_text == text
+    assert configuration.task.labels == ("near",)
 
 
 def test_what_stable_baselines3_refuses_is_one_line(tmp_path):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -11,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from hprs.errors import RunError
 from hprs.training import files
 from hprs.training.evaluation import Episode
 from hprs.training.replay import Segment
@@ -29,6 +27,8 @@ class Progress:
     """The step from which on the next evaluation is due."""
     evaluated: int = -1
     """The step of the newest evaluation."""
+    evaluations: int = 0
+    """How many evaluations were made."""
     best_pam: float = -1.0
     """Highest mean PAM of an evaluation so far."""
     best_step: int = -1
@@ -42,6 +42,7 @@ class Progress:
             step=step,
             next_evaluation=(step // interval + 1) * interval,
             evaluated=step,
+            evaluations=self.evaluations + 1,
             best_pam=pam if better else self.best_pam,
             best_step=step if better else self.best_step,
         )
@@ -65,12 +66,12 @@ class Checkpoint:
         manifest = {
             "progress": asdict(self.progress),
             "rows": self.rows,
-            "files": {name: _sum(content) for name, content in self.contents.items()},
+            "files": {name: files.checksum(content) for name, content in self.contents.items()},
             "segments": [asdict(segment) for segment in self.segments],
         }
         for name, content in self.contents.items():
             files.write(folder / name, content)
-        sealed = {"sha256": _sum(_canonical(manifest)), **manifest}
+        sealed = {"sha256": files.checksum(_canonical(manifest)), **manifest}
         files.write(folder / MANIFEST, (json.dumps(sealed, indent=2) + "\n").encode())
 
     @classmethod
@@ -81,43 +82,27 @@ class Checkpoint:
             RunError: A file is missing, or is not what was written.
         """
         manifest = _load_manifest(folder / MANIFEST)
-        contents = {name: _read(folder / name) for name in manifest["files"]}
-        for name, content in contents.items():
-            if _sum(content) != manifest["files"][name]:
-                raise RunError(_damaged(folder / name))
         return cls(
             progress=Progress(**manifest["progress"]),
             rows=manifest["rows"],
-            contents=contents,
+            contents={
+                name: files.read_checked(folder / name, sha256)
+                for name, sha256 in manifest["files"].items()
+            },
             segments=tuple(Segment(**segment) for segment in manifest["segments"]),
         )
 
 
 def _load_manifest(file: Path) -> dict[str, Any]:
     try:
-        manifest = json.loads(_read(file))
+        manifest = json.loads(files.read(file))
         seal = manifest.pop("sha256")
     except (ValueError, KeyError, AttributeError):
-        raise RunError(_damaged(file)) from None
-    if seal != _sum(_canonical(manifest)):
-        raise RunError(_damaged(file))
+        raise files.damaged(file) from None
+    if seal != files.checksum(_canonical(manifest)):
+        raise files.damaged(file)
     return manifest
-
-
-def _read(file: Path) -> bytes:
-    try:
-        return file.read_bytes()
-    except OSError as error:
-        raise RunError(f"{file} cannot be read: {error.strerror}.") from None
-
-
-def _damaged(file: Path) -> str:
-    return f"{file} is damaged."
 
 
 def _canonical(content: Mapping[str, Any]) -> bytes:
     return json.dumps(content, sort_keys=True).encode()
-
-
-def _sum(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()

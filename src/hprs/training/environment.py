@@ -16,9 +16,10 @@ from hprs.errors import MissingExtraError, UsageError, did_you_mean
 from hprs.rewards.hierarchical import DEFAULT_END, End
 from hprs.spec.expression import ExpressionLike
 from hprs.spec.parameters import override
-from hprs.spec.parser import load_task, parse_task
+from hprs.spec.parser import parse_task
 from hprs.spec.printer import format_task
 from hprs.spec.task import Task
+from hprs.spec.task_file import normalised, read_text
 from hprs.training.configuration import Configuration
 from hprs.wrappers.single import TaskWrapper, wrap
 
@@ -171,7 +172,9 @@ def read_task(path: str) -> tuple[Task, str]:
     if not file.exists():
         near = [other.name for other in file.parent.glob(f"*{TASK_SUFFIX}")]
         raise UsageError(f"there is no task file '{path}'.{did_you_mean(file.name, near)}")
-    return load_task(file), file.read_text(encoding="utf-8-sig")
+    # Once: what is no file on disk, such as a pipe, cannot be read again.
+    text = read_text(path)
+    return parse_task(text, path=path), normalised(text)
 
 
 def _import(module: str, environment: str) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -19,6 +20,8 @@ from hprs.training.random_states import generator_state, set_generator_state
 
 LONGEST = 100_000
 """Steps after which an episode's actions are not kept any longer."""
+
+_NUMBER = struct.Struct("d")
 
 
 @dataclass(frozen=True)
@@ -48,7 +51,8 @@ class EpisodeLog(gym.Wrapper[Any, Any, Any, Any]):
         self._start: dict[str, Any] = {}
         self._actions: list[np.ndarray] = []
         self._steps = 0
-        self._seen: tuple[Any, Any] = (None, None)
+        self._seen = hashlib.sha256()
+        self._observation: Any = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -57,16 +61,22 @@ class EpisodeLog(gym.Wrapper[Any, Any, Any, Any]):
         self._start = {"generator": self._generator_state(), "seed": seed, "options": options}
         self._actions, self._steps = [], 0
         observation, info = self.env.reset(seed=seed, options=options)
-        self._seen = observation, None
+        self._seen = hashlib.sha256()
+        self._see(observation)
         return observation, info
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """Step, and log the action."""
         self._steps += 1
-        if self._steps <= LONGEST:
+        kept = self._steps <= LONGEST
+        if kept:
             self._actions.append(np.array(action))
         result = self.env.step(action)
-        self._seen = result[0], result[1]
+        if kept:
+            self._see(result[0])
+            self._seen.update(_NUMBER.pack(result[1]))
+        else:
+            self._observation = result[0]
         return result
 
     def state(self) -> EpisodeState:
@@ -79,7 +89,9 @@ class EpisodeLog(gym.Wrapper[Any, Any, Any, Any]):
             lost = f"it is longer than {LONGEST:,} steps"
         if lost:
             return EpisodeState({}, np.empty(0), lost)
-        start = {**self._start, "reached": _fingerprint(*self._seen, json.dumps(generator))}
+        reached = self._seen.copy()
+        reached.update(json.dumps(generator).encode())
+        start = {**self._start, "reached": reached.hexdigest()}
         return EpisodeState(start, np.array(self._actions))
 
     def replay(self, state: EpisodeState) -> str:
@@ -107,7 +119,15 @@ class EpisodeLog(gym.Wrapper[Any, Any, Any, Any]):
     @property
     def observation(self) -> Any:
         """The newest observation."""
-        return self._seen[0]
+        return self._observation
+
+    def _see(self, observation: Any) -> None:
+        self._observation = observation
+        if type(observation) is np.ndarray:
+            # What almost every environment returns; the rest takes several times as long.
+            self._seen.update(observation.tobytes())
+        else:
+            _feed(self._seen, observation)
 
     def _generator_state(self) -> dict[str, Any] | None:
         # Asking for `np_random` would make a generator where there is none.
@@ -115,14 +135,8 @@ class EpisodeLog(gym.Wrapper[Any, Any, Any, Any]):
         return None if generator is None else generator_state(generator)
 
 
-def _fingerprint(*values: Any) -> str:
-    """A hash that differs where one bit of a value does."""
-    digest = hashlib.sha256()
-    _feed(digest, values)
-    return digest.hexdigest()
-
-
 def _feed(digest: Any, value: Any) -> None:
+    """Add a value to a hash that differs where one bit of the value does."""
     if isinstance(value, Mapping):
         for key in sorted(value):
             digest.update(f"{key}:".encode())

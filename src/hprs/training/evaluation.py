@@ -32,6 +32,18 @@ class Episode:
     """How well the episode met the task."""
 
 
+def training_seeds(number: int, count: int) -> list[int]:
+    """Seeds of the episodes of a training's evaluation.
+
+    Args:
+        number: How many evaluations came before it: none of the first million episodes is one of
+            another evaluation, and none at all is one of a final assessment.
+        count: How many episodes an evaluation has, at most `FINAL_SEEDS - TRAINING_SEEDS`.
+    """
+    different = (FINAL_SEEDS - TRAINING_SEEDS) // count
+    return episode_seeds(TRAINING_SEEDS + number % different * count, count)
+
+
 def episode_seeds(first: int, count: int) -> list[int]:
     """Seeds of `count` episodes."""
     return list(range(first, first + count))

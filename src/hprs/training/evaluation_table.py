@@ -51,19 +51,27 @@ def read(file: Path) -> list[dict[str, float]]:
     """All complete rows, as numbers.
 
     Raises:
-        RunError: The file cannot be read.
+        RunError: The file is missing or damaged.
     """
-    try:
-        whole, _ = _split(file)
-        return [
-            {name: float(value) for name, value in row.items()}
-            for row in csv.DictReader(io.StringIO(whole))
-        ]
-    except (OSError, ValueError, TypeError) as error:
-        raise RunError(f"{file} cannot be read: {error}") from None
+    first, rows, _ = _split(file)
+    names = first.rstrip("\n").split(",")
+    return [
+        dict(zip(names, _numbers(file, line, row, len(names)), strict=True))
+        for line, row in enumerate(rows, start=2)
+    ]
 
 
-def repair(file: Path, step: int, newest: str) -> None:
+def is_empty(file: Path) -> bool:
+    """Whether nothing was ever recorded.
+
+    Raises:
+        RunError: The file is missing or damaged.
+    """
+    _, rows, half = _split(file)
+    return not rows and not half
+
+
+def repair(file: Path, step: int, newest: str) -> int:
     """Make the table what a checkpoint knows of it.
 
     Half a row, which a kill or a full disk left, and rows of steps that will be made again are
@@ -71,34 +79,53 @@ def repair(file: Path, step: int, newest: str) -> None:
 
     Args:
         file: The table.
-        step: The checkpoint's step; -1 without one.
+        step: The checkpoint's step.
         newest: The rows of its newest evaluation.
 
+    Returns:
+        How many rows it has then.
+
     Raises:
-        RunError: The file cannot be read.
+        RunError: The file is missing or damaged.
         OSError: It cannot be written.
     """
-    try:
-        whole, half = _split(file)
-        first, *rows = whole.splitlines(keepends=True)
-        numbers = [_step(row) for row in rows]
-    except (OSError, ValueError) as error:
-        raise RunError(f"{file} cannot be read: {error}") from None
-    evaluated = _step(newest) if newest else step + 1
+    first, rows, half = _split(file)
+    width = first.count(",") + 1
+    numbers = [_numbers(file, line, row, width)[0] for line, row in enumerate(rows, start=2)]
+    added = newest.splitlines(keepends=True)
+    evaluated = float(newest.split(",", 1)[0]) if newest else step + 1
     kept = [row for row, at in zip(rows, numbers, strict=True) if at <= step and at != evaluated]
-    wanted = first + "".join(kept) + newest
-    if half or wanted != whole:
-        files.replace(file, wanted.encode())
+    if half or kept + added != rows:
+        files.replace(file, "".join([first, *kept, *added]).encode())
+    return len(kept) + len(added)
 
 
-def _split(file: Path) -> tuple[str, str]:
-    text = file.read_text(encoding="utf-8")
-    end = text.rfind("\n") + 1
-    return text[:end], text[end:]
+def _split(file: Path) -> tuple[str, list[str], str]:
+    """The header, the complete rows, and what is left of half a row."""
+    if not file.is_file():
+        raise RunError(f"{file} is missing. Put back a copy of it. {_ANEW}")
+    text = files.read(file).decode("utf-8", "replace")
+    first, *rows = text.splitlines(keepends=True) or [""]
+    if not (first.startswith(",".join(FIXED_COLUMNS)) and first.endswith("\n")):
+        raise RunError(f"{file} is damaged: line 1 is no header. Put back a copy of it. {_ANEW}")
+    half = rows.pop() if rows and not rows[-1].endswith("\n") else ""
+    return first, rows, half
 
 
-def _step(row: str) -> int:
-    return int(row.split(",", 1)[0])
+def _numbers(file: Path, line: int, row: str, width: int) -> list[float]:
+    try:
+        found = [float(value) for value in row.split(",")]
+    except ValueError:
+        found = []
+    if len(found) != width:
+        raise RunError(
+            f"{file} is damaged: line {line} is no row. Put back a copy of the file, or delete "
+            "that line."
+        )
+    return found
+
+
+_ANEW = "To train anew, choose another folder with --out."
 
 
 def _cell(requirements: Mapping[str, Any], label: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import shutil
 from collections.abc import Iterator
@@ -57,6 +58,40 @@ def append(path: Path, content: bytes) -> None:
         except OSError:
             file.truncate(before)
             raise
+
+
+def checksum(content: bytes) -> str:
+    """What `read_checked` compares with."""
+    return hashlib.sha256(content).hexdigest()
+
+
+def read(path: Path) -> bytes:
+    """The content of a file.
+
+    Raises:
+        RunError: It cannot be read.
+    """
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise RunError(f"{path} cannot be read: {error.strerror}.") from None
+
+
+def read_checked(path: Path, sha256: str) -> bytes:
+    """The content of a file that has not changed since its checksum was taken.
+
+    Raises:
+        RunError: It cannot be read, or is damaged.
+    """
+    content = read(path)
+    if checksum(content) != sha256:
+        raise damaged(path)
+    return content
+
+
+def damaged(path: Path) -> RunError:
+    """The error of a file that is not what was written."""
+    return RunError(f"{path} is damaged.")
 
 
 @contextmanager

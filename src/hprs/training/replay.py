@@ -7,7 +7,6 @@ so that a loaded buffer is sampled as the old one would have been.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from hprs.errors import RunError
 from hprs.training import files
 from hprs.training.arrays import pack, unpack
 
@@ -75,8 +73,7 @@ def load_segments(folder: Path, buffer: Any, rows: int, segments: Sequence[Segme
     arrays, size = _arrays(buffer), buffer.buffer_size
     first = max(0, rows - size)
     for segment in segments:
-        content = _read_checked(folder / segment.name, segment.sha256)
-        stored = unpack(content)
+        stored = unpack(files.read_checked(folder / segment.name, segment.sha256))
         skipped = max(0, first - segment.start)
         places = np.arange(segment.start + skipped, segment.stop) % size
         for name, array in arrays.items():
@@ -87,7 +84,7 @@ def load_segments(folder: Path, buffer: Any, rows: int, segments: Sequence[Segme
 def prune(folder: Path, segments: Sequence[Segment]) -> None:
     """Delete segments that the committed checkpoint does not need."""
     needed = {segment.name for segment in segments}
-    for file in folder.iterdir():
+    for file in folder.glob("rows-*.npz"):
         if file.name not in needed:
             file.unlink()
 
@@ -117,14 +114,4 @@ def _write_segment(
     name = f"rows-{start}-{stop}.npz"
     # A name may be taken by a segment that a killed process left, never by one that is needed.
     files.write(folder / name, content)
-    return Segment(name, start, stop, hashlib.sha256(content).hexdigest())
-
-
-def _read_checked(file: Path, sha256: str) -> bytes:
-    try:
-        content = file.read_bytes()
-    except OSError as error:
-        raise RunError(f"{file} cannot be read: {error.strerror}.") from None
-    if hashlib.sha256(content).hexdigest() != sha256:
-        raise RunError(f"{file} is damaged.")
-    return content
+    return Segment(name, start, stop, files.checksum(content))

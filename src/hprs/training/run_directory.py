@@ -19,12 +19,10 @@ does what a kill has left undone.
 
 from __future__ import annotations
 
-import hashlib
 import json
-import os
 import re
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -35,16 +33,17 @@ from hprs.spec.json_format import task_to_json
 from hprs.training import evaluation_table, files
 from hprs.training.checkpoint import Checkpoint
 from hprs.training.configuration import Configuration
-from hprs.training.environment import require
+from hprs.training.lock import locked
 from hprs.training.provenance import provenance, versions
 
-FORMAT = 2
-"""Format 1 had no `environment_options`, and checkpoints that only approximately went on."""
+FORMAT = 3
+"""Format 1 had no `environment_options`, and checkpoints that only approximately went on. Those of
+format 2 do not count evaluations, and know only the end of a running episode."""
 
 RUN_FILE, EVALUATIONS_FILE, CHECKPOINT, REPLAY = (
     "run.json", "evaluations.csv", "checkpoint", "replay"
 )  # fmt: skip
-POLICY_FILE, LOCK_FILE = "policy.json", ".lock"
+POLICY_FILE = "policy.json"
 
 Which: TypeAlias = Literal["last", "best"]
 WHICH: tuple[Which, ...] = get_args(Which)
@@ -84,8 +83,8 @@ class RunDirectory:
         if found not in range(1, FORMAT + 1):
             writer = _writer(content)
             raise RunError(
-                f"{file} is of format {found}, written by {writer}; this hprs "
-                f"{versions().get('hprs')} reads formats 1 to {FORMAT}. Use it with {writer}."
+                f"{file} is of format {found}, written by {writer}; this hprs reads formats 1 to "
+                f"{FORMAT}. Use it with {writer}."
             )
         return content
 
@@ -100,11 +99,6 @@ class RunDirectory:
         ]
 
     @property
-    def events(self) -> Path:
-        """The folder of TensorBoard's files."""
-        return self.path
-
-    @property
     def replay(self) -> Path:
         """The folder of the replay buffer's segments."""
         return self.path / REPLAY
@@ -112,9 +106,12 @@ class RunDirectory:
     @contextmanager
     def writing(self) -> Iterator[None]:
         """Turn a full or read-only disk into one line; see `files.writing`."""
-        advice = f" What is recorded is safe; go on with: hprs train --resume {self.path}"
-        with files.writing(self.path, advice):
+        with files.writing(self.path, self._advice):
             yield
+
+    @property
+    def _advice(self) -> str:
+        return f" What is recorded is safe; go on with: hprs train --resume {self.path}"
 
     @contextmanager
     def locked(self) -> Iterator[None]:
@@ -123,49 +120,55 @@ class RunDirectory:
         Raises:
             RunError: Another process trains here, or the folder cannot be written.
         """
-        filelock = require("filelock", "sb3")
-        file = self.path / LOCK_FILE
-        lock = filelock.FileLock(file, timeout=0)
-        with self.writing():
-            try:
-                lock.acquire()
-            except filelock.Timeout:
-                raise RunError(f"{self.path} is being trained by {_holder(file)}.") from None
-        try:
-            # Where a lock keeps others from writing its file, it keeps us too.
-            with suppress(OSError):
-                file.write_text(str(os.getpid()))
+        with locked(self.path, self._advice):
             yield
-        finally:
-            lock.release()
 
-    def open(self) -> Checkpoint | None:
+    @property
+    def has_begun(self) -> bool:
+        """Whether a training has recorded anything here."""
+        return (
+            files.complete(self.path / CHECKPOINT) is not None
+            or any(files.complete(self.path / "policy" / which) for which in WHICH)
+            or not evaluation_table.is_empty(self.path / EVALUATIONS_FILE)
+        )
+
+    def open(self, notice: Callable[[str], None] = lambda text: None) -> Checkpoint | None:
         """The newest checkpoint, once the run's other files agree with it.
 
+        Args:
+            notice: Told in one line what is not as it was left, and does not stop the training.
+
         Raises:
-            RunError: The checkpoint is damaged or of another version.
+            RunError: The checkpoint is missing, damaged or of another version.
         """
         checkpoint = self.checkpoint()
-        step, rows = (-1, "") if checkpoint is None else (checkpoint.progress.step, checkpoint.rows)
+        if checkpoint is None:
+            if self.has_begun:
+                raise self.cannot_go_on(RunError(f"{self.path / CHECKPOINT} is missing."))
+            return None
+        progress, table = checkpoint.progress, self.path / EVALUATIONS_FILE
         with self.writing():
-            evaluation_table.repair(self.path / EVALUATIONS_FILE, step, rows)
+            rows = evaluation_table.repair(table, progress.step, checkpoint.rows)
+        recorded = progress.evaluations * self.configuration.evaluation_episodes
+        if rows != recorded:
+            notice(f"{table} is not what was recorded: it has {rows} of {recorded} rows.")
         return checkpoint
 
     def checkpoint(self) -> Checkpoint | None:
         """The newest complete checkpoint, if there is one.
 
         Raises:
-            RunError: It is damaged or of another version.
+            RunError: It is damaged, or the run of another version.
         """
-        folder = files.complete(self.path / CHECKPOINT)
-        if folder is None:
-            return None
         if self._content["format"] != FORMAT:
             raise RunError(
                 f"{self.path} was written by {_writer(self._content)} in format "
                 f"{self._content['format']}, whose checkpoints this hprs cannot go on with. Its "
                 "policies can be evaluated; to train longer, train anew."
             )
+        folder = files.complete(self.path / CHECKPOINT)
+        if folder is None:
+            return None
         try:
             return Checkpoint.load(folder)
         except RunError as error:
@@ -208,7 +211,7 @@ class RunDirectory:
             name: The file's name.
             data: The file's content.
         """
-        content = {"trainer": trainer, "step": step, "file": name, "sha256": _sum(data)}
+        content = {"trainer": trainer, "step": step, "file": name, "sha256": files.checksum(data)}
         with self.writing(), files.replacing(self.path / "policy" / which) as folder:
             files.write(folder / name, data)
             files.write(folder / POLICY_FILE, (json.dumps(content) + "\n").encode())
@@ -243,10 +246,10 @@ class RunDirectory:
         try:
             file = folder / content["file"]
             # Format 1 kept no checksums of policies.
-            if content.get("sha256", _sum(file.read_bytes())) != _sum(file.read_bytes()):
-                raise RunError(f"{file} is damaged: it is not what was written.")
-        except (OSError, KeyError, AttributeError) as error:
-            raise RunError(f"the {which} policy of {self.path} cannot be read: {error}") from None
+            sha256 = content.get("sha256") or files.checksum(files.read(file))
+        except (KeyError, TypeError, AttributeError):
+            raise files.damaged(folder / POLICY_FILE) from None
+        files.read_checked(file, sha256)
         return file
 
 
@@ -258,21 +261,28 @@ def folder_of(configuration: Configuration, out: Path) -> Path:
 
 
 def create_runs(configurations: Sequence[Configuration], out: Path) -> list[RunDirectory]:
-    """New run directories, one a seed; none if one of them exists.
+    """New run directories, one a seed; none if one of them has begun.
+
+    A process that dies while it makes them leaves some that have not: they are made anew.
 
     Raises:
-        RunError: One exists already; the message says how to resume it. Or it cannot be written.
+        RunError: One has begun; the message says how to resume it. Or it cannot be written.
     """
-    paths = [folder_of(c, out) / f"seed-{c.seed}" for c in configurations]
-    for path in paths:
-        # A process that died while it made a run leaves a folder without this file.
-        if (path / RUN_FILE).exists():
-            shown = path if len(paths) == 1 else path.parent
-            raise RunError(
-                f"{path} exists already. Go on with it: hprs train --resume {shown} "
-                "(or choose another seed, or another folder with --out)."
-            )
-    return [_create(c, path) for c, path in zip(configurations, paths, strict=True)]
+    runs = [RunDirectory(folder_of(c, out) / f"seed-{c.seed}") for c in configurations]
+    for run in runs:
+        _refuse_begun(run, several=len(runs) > 1)
+    for run, configuration in zip(runs, configurations, strict=True):
+        _create(run, configuration, several=len(runs) > 1)
+    return runs
+
+
+def _refuse_begun(run: RunDirectory, *, several: bool) -> None:
+    if (run.path / RUN_FILE).exists() and run.has_begun:
+        shown = run.path.parent if several else run.path
+        raise RunError(
+            f"{run.path} exists already. Go on with it: hprs train --resume {shown} "
+            "(or choose another seed, or another folder with --out)."
+        )
 
 
 def find_runs(path: Path) -> list[RunDirectory]:
@@ -295,7 +305,7 @@ def find_runs(path: Path) -> list[RunDirectory]:
     return sorted(runs, key=lambda run: run.configuration.seed)
 
 
-def _create(configuration: Configuration, path: Path) -> RunDirectory:
+def _create(run: RunDirectory, configuration: Configuration, *, several: bool) -> None:
     content = {
         "format": FORMAT,
         "configuration": configuration.to_json(),
@@ -303,25 +313,23 @@ def _create(configuration: Configuration, path: Path) -> RunDirectory:
         **provenance(),
     }
     header = evaluation_table.header(configuration.task)
-    with files.writing(path):
-        path.mkdir(parents=True, exist_ok=True)
-        files.replace(path / EVALUATIONS_FILE, header.encode())
-        files.replace(path / RUN_FILE, (json.dumps(content, indent=2) + "\n").encode())
-    return RunDirectory(path)
+    with files.writing(run.path):
+        run.path.mkdir(parents=True, exist_ok=True)
+    with locked(run.path), files.writing(run.path):
+        # Another process may have made it, and trained, since it was looked at.
+        _refuse_begun(run, several=several)
+        files.replace(run.path / EVALUATIONS_FILE, header.encode())
+        files.replace(run.path / RUN_FILE, (json.dumps(content, indent=2) + "\n").encode())
 
 
 def _writer(content: Any) -> str:
+    """Who wrote a run; where the version does not tell it from this hprs, with the commit."""
     try:
-        return f"hprs {content['versions']['hprs']}"
-    except (KeyError, TypeError):
+        version = content["versions"]["hprs"]
+        same = version == versions().get("hprs") and content.get("commit")
+        return f"hprs {version} (commit {content['commit']})" if same else f"hprs {version}"
+    except (KeyError, TypeError, AttributeError):
         return "another version of hprs"
-
-
-def _holder(lock: Path) -> str:
-    try:
-        return f"another process ({int(lock.read_text())})"
-    except (OSError, ValueError):
-        return "another process"
 
 
 def _policy_content(folder: Path) -> Any:
@@ -330,10 +338,6 @@ def _policy_content(folder: Path) -> Any:
         return json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise RunError(f"{file} cannot be read: {error}") from None
-
-
-def _sum(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()
 
 
 def _near(path: Path) -> list[str]:

@@ -32,7 +32,7 @@ def make_logger(run: RunDirectory, step: int) -> Any:
         """One file of events."""
 
         def __init__(self) -> None:
-            path = run.events / f"events.out.tfevents.{time.time_ns()}"
+            path = run.path / f"events.out.tfevents.{time.time_ns()}"
             with run.writing():
                 self._file = path.open("xb")
             self._records = RecordWriter(self._file)
@@ -65,4 +65,4 @@ def make_logger(run: RunDirectory, step: int) -> Any:
                 self._records.write(record.SerializeToString())
                 self._file.flush()
 
-    return Logger(folder=str(run.events), output_formats=[Events()])
+    return Logger(folder=str(run.path), output_formats=[Events()])

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import gymnasium as gym
 import numpy as np
 
-from hprs.errors import UsageError
+from hprs.errors import RunError, UsageError
 from hprs.training import algorithms
 from hprs.training.configuration import Configuration
 from hprs.training.environment import make_configured
@@ -55,9 +55,21 @@ def make_model(configuration: Configuration, environments: VecEnv) -> BaseAlgori
         raise UsageError(f"Stable-Baselines3 refuses this training: {error}") from error
 
 
-def has_diverged(model: BaseAlgorithm) -> bool:
-    """Whether a network holds NaN or infinity: no step of learning brings it back."""
-    return not all(bool(weights.isfinite().all()) for weights in model.policy.parameters())
+def refuse_divergence(model: BaseAlgorithm) -> None:
+    """See that the networks hold numbers: no step of learning brings back NaN or infinity.
+
+    Raises:
+        RunError: They do not.
+    """
+    weights = [*model.policy.parameters()]
+    # SAC's entropy coefficient is learned, and no parameter of its networks.
+    entropy = getattr(model, "log_ent_coef", None)
+    if all(bool(w.isfinite().all()) for w in [*weights, *([] if entropy is None else [entropy])]):
+        return
+    raise RunError(
+        f"the training diverged before step {model.num_timesteps:,}: its networks hold NaN or "
+        "infinity. A smaller learning_rate is the first thing to try."
+    )
 
 
 def algorithm_class(configuration: Configuration) -> Any:

@@ -12,12 +12,13 @@ from stable_baselines3.common.callbacks import BaseCallback
 from hprs.semantics.assessment import summarise
 from hprs.training.checkpoint import Checkpoint, Progress
 from hprs.training.environment import make_configured
-from hprs.training.evaluation import TRAINING_SEEDS, Episode, episode_seeds, evaluate
+from hprs.training.evaluation import Episode, evaluate, training_seeds
 from hprs.training.evaluation_table import format_rows
 from hprs.training.interruption import Interruption
 from hprs.training.listener import Listener
 from hprs.training.replay import prune, write_segments
 from hprs.training.run_directory import RunDirectory
+from hprs.training.sb3.model import refuse_divergence
 from hprs.training.sb3.policy import Learner, save_policies
 from hprs.training.sb3.state import Restoration, capture, replay_buffer, replay_rows
 
@@ -78,8 +79,9 @@ class Recorder(BaseCallback):
             raise Stopped
 
     def _record(self, watch: Callable[[int], None] | None = None) -> None:
+        refuse_divergence(self.model)
         step, configuration = self.model.num_timesteps, self._run.configuration
-        seeds = episode_seeds(TRAINING_SEEDS, configuration.evaluation_episodes)
+        seeds = training_seeds(self._progress.evaluations, configuration.evaluation_episodes)
         policy = Learner(self.model)
         episodes = evaluate(lambda: make_configured(configuration), policy, seeds, watch)
         interval = configuration.evaluation_interval
@@ -90,6 +92,7 @@ class Recorder(BaseCallback):
         self._listener.evaluated(step, summarise([episode.assessment for episode in episodes]))
 
     def _save(self, *, evaluated: bool) -> Checkpoint:
+        refuse_divergence(self.model)
         buffer, folder = replay_buffer(self.model), self._run.replay
         contents = capture(self.model)
         with self._run.writing():

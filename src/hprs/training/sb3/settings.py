@@ -12,6 +12,7 @@ from hprs.spec.expression import ExpressionLike
 from hprs.training import algorithms
 from hprs.training.configuration import Configuration
 from hprs.training.environment import check_options, find_task, make_environment, require
+from hprs.training.evaluation import FINAL_SEEDS, TRAINING_SEEDS
 
 if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
@@ -84,11 +85,17 @@ def configure(
     for name, value in counts.items():
         if value is not None and value < 1:
             raise UsageError(f"the {name} must be at least 1, got {value}.")
+    if evaluation_episodes > FINAL_SEEDS - TRAINING_SEEDS:
+        raise UsageError(f"an evaluation has at most {FINAL_SEEDS - TRAINING_SEEDS:,} episodes.")
     if end not in ENDS:
         raise UsageError(
             f"unknown end '{end}'; choose one of {', '.join(ENDS)}.{did_you_mean(end, ENDS)}"
         )
     task, text = find_task(environment, task_path, constants)
+    if not task.requirements:
+        raise UsageError(
+            f"the task {task_path or environment} has no requirement: it asks nothing."
+        )
     options = dict(environment_options or {})
     check_options(environment, options)
     # Any discount will do to see that the reward exists and the environment has every signal.

@@ -12,7 +12,7 @@ from hprs.training.listener import Listener, Silence
 from hprs.training.replay import load_segments
 from hprs.training.run_directory import RunDirectory
 from hprs.training.sb3.events import make_logger
-from hprs.training.sb3.model import derive_seed, has_diverged, make_model, make_vector
+from hprs.training.sb3.model import derive_seed, make_model, make_vector, refuse_divergence
 from hprs.training.sb3.policy import save_policies, threads
 from hprs.training.sb3.state import Restoration, replay_buffer, replay_rows
 
@@ -45,7 +45,7 @@ def train(run: RunDirectory, listener: Listener | None = None) -> bool:
     listener = listener or Silence()
     configuration = run.configuration
     with run.locked(), threads(configuration.parameters["threads"]):
-        checkpoint = run.open()
+        checkpoint = run.open(listener.noticed)
         if checkpoint is not None:
             save_policies(run, checkpoint)
             if checkpoint.progress.step >= configuration.steps:
@@ -88,13 +88,10 @@ def _train(
 def _learn(model: BaseAlgorithm, steps: int, recorder: Recorder) -> None:
     try:
         model.learn(steps, recorder, reset_num_timesteps=False)
-    except ValueError as error:
-        if not has_diverged(model):
-            raise
-        raise RunError(
-            f"the training diverged before step {model.num_timesteps:,}: its networks hold NaN or "
-            "infinity. A smaller learning_rate is the first thing to try."
-        ) from error
+    except ValueError:
+        # Some distributions refuse NaN, before the recorder does.
+        refuse_divergence(model)
+        raise
 
 
 def open_model(

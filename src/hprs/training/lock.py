@@ -1,0 +1,49 @@
+"""Keeps two processes from writing one run directory."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from hprs.errors import RunError
+from hprs.training import files
+from hprs.training.environment import require
+
+LOCK_FILE = ".lock"
+
+
+@contextmanager
+def locked(folder: Path, advice: str = "") -> Iterator[None]:
+    """Keep other processes out of a run; the lock vanishes with the process.
+
+    Args:
+        folder: The run's folder.
+        advice: What to do where the lock cannot be written.
+
+    Raises:
+        RunError: Another process is there, or the folder cannot be written.
+    """
+    filelock = require("filelock", "sb3")
+    file = folder / LOCK_FILE
+    lock = filelock.FileLock(file, timeout=0)
+    with files.writing(folder, advice):
+        try:
+            lock.acquire()
+        except filelock.Timeout:
+            raise RunError(f"{folder} is being trained by {_holder(file)}.") from None
+    try:
+        # Where a lock keeps others from writing its file, it keeps us too.
+        with suppress(OSError):
+            file.write_text(str(os.getpid()))
+        yield
+    finally:
+        lock.release()
+
+
+def _holder(file: Path) -> str:
+    try:
+        return f"another process ({int(file.read_text())})"
+    except (OSError, ValueError):
+        return "another process"
