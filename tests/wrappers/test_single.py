@@ -6,17 +6,13 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium import spaces
-from gymnasium.utils.env_checker import check_env
-from gymnasium.wrappers import NormalizeObservation
 
-from hprs.errors import SignalError, UsageError
-from hprs.rewards import Hierarchical
+from hprs.errors import SignalError
 from hprs.semantics.assessment import assess
 from hprs.semantics.evaluation import evaluate
 from hprs.spec.expression import call
 from hprs.spec.task import Requirement, Signal, Source, Task
 from hprs.wrappers.single import wrap
-from hprs.wrappers.vector import wrap_vector
 from tests.probes import Slider, slider_task
 
 
@@ -27,13 +23,6 @@ def play(env, actions, seed=0):
         if steps[-1][2] or steps[-1][3]:
             break
     return steps
-
-
-# check_env warns that it is given a wrapper, which is the point here.
-@pytest.mark.filterwarnings("ignore:.*different from the unwrapped version.*:UserWarning")
-@pytest.mark.filterwarnings("ignore:.*the environment spec.*:UserWarning")
-def test_check_env_passes():
-    check_env(wrap(Slider(), slider_task()), skip_render_check=True)
 
 
 def test_the_reward_of_an_episode_sums_to_base_reward_plus_potential_difference():
@@ -290,47 +279,11 @@ def test_a_nan_margin_names_requirement_and_step():
 
 
 def test_step_before_reset_is_an_error():
+    env = wrap(Slider(), slider_task())
+    env.unwrapped.reset(seed=0)
     with pytest.raises(SignalError, match="before reset"):
-        wrap(Slider(), slider_task()).step(np.array([0.0]))
-
-
-def test_unknown_rewards_and_a_missing_discount_are_refused():
-    with pytest.raises(UsageError, match=r"unknown reward 'hrps'.*Did you mean 'hprs'"):
-        wrap(Slider(), slider_task(), reward="hrps")
-    with pytest.raises(UsageError, match="needs the learner's discount"):
-        wrap(Slider(), slider_task(), end="invariant")
-
-
-@pytest.mark.parametrize(
-    ("wrapper", "env", "message"),
-    [
-        (wrap, "CartPole-v1", r"an environment is needed here, got 'CartPole-v1'.*gymnasium.make"),
-        (wrap, "vector", "wrap takes one environment, got .*; use hprs.wrap_vector"),
-        (wrap_vector, "single", "wrap_vector takes a vector environment, got .*; use hprs.wrap"),
-        (wrap_vector, None, r"an environment is needed here, got None.*gymnasium.make_vec"),
-    ],
-)
-def test_what_is_no_environment_is_refused(wrapper, env, message):
-    made = {"single": Slider(), "vector": gym.vector.SyncVectorEnv([Slider])}
-    with pytest.raises(UsageError, match=message):
-        wrapper(made.get(env, env), slider_task())
-
-
-def test_what_is_no_reward_is_refused():
-    with pytest.raises(UsageError, match=r"a reward is a name .*hprs.* or has `init` and `step`"):
-        wrap(Slider(), slider_task(), reward=3)
-
-
-def test_a_reward_object_is_accepted():
-    task = slider_task()
-    assert wrap(Slider(), task, reward=Hierarchical(task, end="released"))
-
-
-def test_normalised_observations_below_the_task_warn():
-    x = Signal("x", -3.0, 3.0, source=Source("obs", (), 0))
-    task = Task((x,), (Requirement("conquer", "here", x <= 0),))
-    with pytest.warns(UserWarning, match="NormalizeObservation lies below the task"):
-        wrap(NormalizeObservation(Slider()), task)
+        env.step(np.array([0.0]))
+    assert env.unwrapped.steps == 0  # nothing has been stepped
 
 
 def test_stable_baselines3_vector_environments_give_the_same_rewards_across_episode_ends():

@@ -45,13 +45,23 @@ def episodes(kind: str, end: str) -> list[list[tuple]]:
 @pytest.mark.parametrize("kind", ["achieve", "conquer"])
 @pytest.mark.parametrize("end", ["paper", "invariant", "released"])
 def test_next_step_mode_equals_single_environments_step_for_step(kind, end):
-    envs = wrap_vector(SyncVectorEnv([Slider] * COUNT), slider_task(kind), end=end, discount=0.9)
-    envs.reset(seed=0)
+    compare(SyncVectorEnv([Slider] * COUNT), kind, end)
+
+
+def test_next_step_mode_of_asynchronous_environments_equals_single_ones_step_for_step():
+    """A step too many of a row that the task has ended draws nothing from its generator."""
+    compare(AsyncVectorEnv([Slider] * 3, context="spawn"), "achieve", "paper")
+
+
+def compare(bare, kind: str, end: str) -> None:
+    """Hold a vector environment in mode NEXT_STEP against single ones."""
+    envs = wrap_vector(bare, slider_task(kind), end=end, discount=0.9)
     expected = episodes(kind, end)
-    ends = 0
+    count, ends = envs.num_envs, 0
+    envs.reset(seed=0)
     for number, action in enumerate(actions()):
-        _, rewards, terminated, truncated, infos = envs.step(action)
-        for index in range(COUNT):
+        _, rewards, terminated, truncated, infos = envs.step(action[:count])
+        for index in range(count):
             reward, own_end, cut, potential, assessment, margins = expected[index][number]
             assert rewards[index] == pytest.approx(reward, abs=1e-12)
             assert (terminated[index], truncated[index]) == (own_end, cut)
@@ -61,7 +71,8 @@ def test_next_step_mode_equals_single_environments_step_for_step(kind, end):
             if assessment is not None:
                 ends += 1
                 assert infos["assessment"][index] == assessment
-    assert ends > COUNT
+    assert ends > count
+    envs.close()
 
 
 @pytest.mark.parametrize("mode", [AutoresetMode.SAME_STEP, AutoresetMode.DISABLED])
@@ -268,6 +279,24 @@ class FromInfo(gym.vector.VectorEnv):
 
 def lap_task():
     return hprs.parse_task("signal lap = info.lap in [0, 1]\nconquer far: lap >= 0.5")
+
+
+def test_asynchronous_environments_without_shared_memory_are_refused_where_they_reset_twice():
+    def make(**arguments):
+        return AsyncVectorEnv([Slider], context="spawn", shared_memory=False, **arguments)
+
+    for envs, task in (
+        (make(), slider_task("achieve")),
+        (make(autoreset_mode=AutoresetMode.SAME_STEP), slider_task("achieve")),
+    ):
+        try:
+            if envs.metadata["autoreset_mode"] == AutoresetMode.SAME_STEP:
+                wrap_vector(envs, task)
+            else:
+                with pytest.raises(UsageError, match=r"shared_memory=False.* resets .* twice"):
+                    wrap_vector(envs, task)
+        finally:
+            envs.close()
 
 
 @pytest.mark.parametrize("context", [None, "spawn"])

@@ -16,6 +16,10 @@ class Reward(Protocol):
 
     Wrappers and training loops hold the memory; a reward holds none. Both functions run on Python
     floats, NumPy, JAX (under `jit`, `vmap`, `scan`) and PyTorch.
+
+    A memory is made of arrays, numbers and None, in dictionaries and tuples. With a batch of n
+    states, the first axis of every array of it has length n, as that of every signal has (a vector
+    signal has shape (n, length)): so a wrapper can begin a new episode in some rows only.
     """
 
     def init(self, signals: Signals) -> Any:

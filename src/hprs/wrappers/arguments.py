@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import gymnasium as gym
+from gymnasium import wrappers as gym_wrappers
 
 from hprs.errors import UsageError
 from hprs.rewards.base import Reward
-from hprs.rewards.hierarchical import End
+from hprs.rewards.hierarchical import DEFAULT_END, End
 from hprs.rewards.registry import REWARDS, make_reward
 from hprs.spec.misuse import shown
 from hprs.spec.task import Task, require_task
+
+_CHANGES_OBSERVATIONS = (
+    gym_wrappers.NormalizeObservation,
+    gym_wrappers.FrameStackObservation,
+    gym_wrappers.RescaleObservation,
+    gym_wrappers.vector.NormalizeObservation,
+    gym_wrappers.vector.RescaleObservation,
+)
+"""Gymnasium's wrappers below which `obs[...]` would no longer be in the task's units."""
 
 
 def require_environment(value: object, *, vector: bool) -> None:
@@ -31,14 +42,18 @@ def require_environment(value: object, *, vector: bool) -> None:
     raise UsageError(f"an environment is needed here, got {shown(value)}. Make one with {make}.")
 
 
-def chosen_reward(reward: str | Reward, task: Task, *, end: End, discount: float | None) -> Reward:
+def chosen_reward(
+    reward: str | Reward, task: Task, *, end: End | None, discount: float | None
+) -> Reward:
     """A reward given by name or as an object.
 
     Raises:
-        UsageError: It is neither, or the task is none.
+        UsageError: It is neither, or an object with a convention or a discount beside it, or the
+            task is none.
     """
     require_task(task)
     if isinstance(reward, str):
+        end = DEFAULT_END if end is None else end
         return make_reward(reward, task, end=end, discount=discount)
     given: Any = reward
     if not (callable(getattr(given, "init", None)) and callable(getattr(given, "step", None))):
@@ -46,4 +61,28 @@ def chosen_reward(reward: str | Reward, task: Task, *, end: End, discount: float
             f"a reward is a name ({', '.join(REWARDS)}) or has `init` and `step`, "
             f"got {shown(reward)}."
         )
+    for name, value in (("end", end), ("discount", discount)):
+        if value is not None:
+            raise UsageError(
+                f"{name}={value!r} has no effect on a reward that is given as an object; give it "
+                "to the reward, as in hprs.rewards.Hierarchical(task, end=..., discount=...)."
+            )
     return reward
+
+
+def warn_of_changed_observations(*environments: Any) -> None:
+    """Warn of Gymnasium's own wrappers on any of these that change what `obs[...]` means."""
+    found: dict[str, None] = {}
+    for environment in environments:
+        layer: Any = environment
+        while hasattr(layer, "env"):
+            kind: Any = type(layer)
+            if issubclass(kind, _CHANGES_OBSERVATIONS):
+                found[kind.__name__] = None
+            layer = layer.env
+    for name in found:
+        warnings.warn(
+            f"{name} lies below the task: its signals read changed observations. "
+            "Wrap with the task first, then normalise or stack.",
+            stacklevel=4,
+        )

@@ -11,7 +11,7 @@ from hprs.errors import SignalError
 from hprs.semantics.plan import plan_of
 from hprs.spec.task import Task
 from hprs.wrappers.resets import Mask
-from hprs.wrappers.signals import Reader, info_mask
+from hprs.wrappers.signals import UNSUPPLIED, Reader
 
 
 class BatchReader:
@@ -101,9 +101,7 @@ class BatchReader:
         mask: Mask,
     ) -> dict[str, Any]:
         values: dict[str, Any] = {}
-        given: Mapping[str, Any] = {}
-        if self._reader.function is not None:
-            given = self._reader.function(observation, actions, last_actions, infos)
+        given = self._reader.given(observation, actions, last_actions, infos)
         for name, read in self._reader.reads.items():
             if name in given:
                 values[name] = self._numbers(name, given[name])
@@ -111,10 +109,9 @@ class BatchReader:
             present = self._present(name, infos)
             if name not in initial and not present[mask].all():
                 row = int(np.flatnonzero(mask & ~present)[0])
-                raise SignalError(
-                    f"signal '{name}' is missing in sub-environment {row}: its info does not "
-                    "supply it."
-                )
+                own = self._reader.only_by_function(name)
+                reason = UNSUPPLIED if own else "its info does not supply it."
+                raise SignalError(f"signal '{name}' is missing in sub-environment {row}: {reason}")
             value: Any = None
             if present.any():
                 value = self._numbers(name, read(observation, actions, last_actions, infos))
@@ -127,12 +124,13 @@ class BatchReader:
         return values
 
     def _present(self, name: str, infos: dict[str, Any]) -> Mask:
-        keys = getattr(self._reader.reads[name], "keys", None)
-        return self._everyone if keys is None else info_mask(infos, keys, self._count)
+        present = getattr(self._reader.reads[name], "present", None)
+        return self._everyone if present is None else present(infos, self._count)
 
     def _numbers(self, name: str, value: Any) -> Any:
         try:
-            numbers = np.asarray(value, dtype=np.float64)
+            # A copy: an environment may reuse its buffers, and a reward may remember a signal.
+            numbers = np.array(value, dtype=np.float64)
         except (TypeError, ValueError):
             raise SignalError(
                 f"signal '{name}' must be an array of numbers of shape {self._shapes[name]}, "

@@ -6,17 +6,40 @@ from typing import Any
 
 import numpy as np
 
+from hprs.errors import UsageError
+from hprs.semantics.assessment import Tally
+
 
 def merge_rows(mask: Any, new: Any, old: Any) -> Any:
-    """`new` where the mask holds and `old` elsewhere; the batch is the last axis of every array."""
-    if new is None or (isinstance(new, int | float) and not isinstance(old, np.ndarray)):
-        return new
+    """A reward's memory: `new` where the mask holds, `old` elsewhere.
+
+    The batch is the first axis of every array; a number stands for every row.
+
+    Raises:
+        UsageError: It holds something else than arrays, numbers, None, dictionaries and tuples.
+    """
+    if new is None:
+        return None
     if isinstance(new, dict):
         return {key: merge_rows(mask, value, old[key]) for key, value in new.items()}
     if isinstance(new, tuple):
         parts = [merge_rows(mask, n, o) for n, o in zip(new, old, strict=True)]
         return type(new)(*parts) if hasattr(new, "_fields") else tuple(parts)
-    return np.where(mask, new, old)
+    new, old = np.asarray(new), np.asarray(old)
+    for array in (new, old):
+        if array.dtype == object or array.shape[:1] not in ((), mask.shape):
+            raise UsageError(
+                f"the memory of a reward must be made of arrays with the batch ({mask.size} rows) "
+                "as first axis, numbers, None, dictionaries and tuples, but it holds "
+                f"{f'an array of shape {array.shape}' if array.shape else repr(array.item())}."
+            )
+    axes = max(new.ndim, old.ndim, 1)
+    return np.where(mask.reshape(-1, *[1] * (axes - 1)), new, old)
+
+
+def merge_tally(mask: Any, new: Tally, old: Tally) -> Tally:
+    """`new` where the mask holds, `old` elsewhere; a tally has the batch as its last axis."""
+    return Tally(*(np.where(mask, n, o) for n, o in zip(new, old, strict=True)))
 
 
 def merge_infos(infos: dict[str, Any], added: dict[str, Any], mask: Any) -> dict[str, Any]:

@@ -6,17 +6,18 @@ The same readers serve one environment and a batch: indices and slices act on th
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
 
-from hprs.errors import SignalError, did_you_mean
+from hprs.errors import SignalError, UsageError, did_you_mean
 from hprs.semantics.plan import plan_of
 from hprs.spec.inference import evaluate_constant
+from hprs.spec.misuse import shown
 from hprs.spec.task import Signal, Source, Task
 
 SignalFunction = Callable[[Any, Any, Any, Mapping[str, Any]], Mapping[str, Any]]
@@ -24,6 +25,9 @@ SignalFunction = Callable[[Any, Any, Any, Mapping[str, Any]], Mapping[str, Any]]
 
 Read = Callable[[Any, Any, Any, Mapping[str, Any]], Any]
 """Reads one signal from observation, action, last action and info; KeyError where it is missing."""
+
+UNSUPPLIED = "neither the function given as `signals` nor info['signals'] supplies it."
+"""Why a signal without a source is missing, where there is a function."""
 
 
 @dataclass(frozen=True)
@@ -55,27 +59,30 @@ class Reader:
         """The signals of a state reached by a step.
 
         Raises:
-            SignalError: One is missing.
+            SignalError: One is missing or unreadable.
         """
         values: dict[str, Any] = {}
         if self.function is not None:
-            given = self.function(observation, action, last_action, info)
+            given = self.given(observation, action, last_action, info)
             values = {name: given[name] for name in self.reads if name in given}
         for name, read in self.reads.items():
             if name not in values:
                 try:
                     values[name] = read(observation, action, last_action, info)
                 except KeyError as error:
-                    raise _missing(name, read, info) from error
+                    raise self._missing(name, info) from error
         return values
 
     def at_reset(self, observation: Any, action: Any, info: Mapping[str, Any]) -> dict[str, Any]:
         """The signals of s_0; `initially` stands in for what is missing."""
         values: dict[str, Any] = {}
-        given: Mapping[str, Any] = {}
-        if self.function is not None:
-            given = self.function(observation, action, action, info)
-            self._check_given(given)
+        given = self.given(observation, action, action, info)
+        unknown = [str(name) for name in given if name not in self.declared]
+        if unknown:
+            raise SignalError(
+                f"the function given as `signals` returns '{unknown[0]}', which is no signal of "
+                f"the task.{did_you_mean(unknown[0], self.declared)}"
+            )
         for name, read in self.reads.items():
             try:
                 values[name] = (
@@ -83,22 +90,52 @@ class Reader:
                 )
             except KeyError as error:
                 if name not in self.initially:
-                    raise _missing(name, read, info, at_reset=True) from error
+                    raise self._missing(name, info, at_reset=True) from error
                 values[name] = self.initially[name]
         return values
 
-    def _check_given(self, given: Any) -> None:
+    def given(
+        self, observation: Any, action: Any, last_action: Any, info: Mapping[str, Any]
+    ) -> Mapping[str, Any]:
+        """What the user's function supplies; nothing where there is none.
+
+        Raises:
+            SignalError: It returns no dictionary.
+        """
+        if self.function is None:
+            return {}
+        given: Any = self.function(observation, action, last_action, info)
         if not isinstance(given, Mapping):
             raise SignalError(
                 "the function given as `signals` must return a dictionary from signal to value, "
-                f"got {given!r:.80}."
+                f"got {shown(given)}."
             )
-        unknown = [str(name) for name in given if name not in self.declared]
-        if unknown:
-            raise SignalError(
-                f"the function given as `signals` returns '{unknown[0]}', which is no signal of "
-                f"the task.{did_you_mean(unknown[0], self.declared)}"
-            )
+        return cast("Mapping[str, Any]", given)
+
+    def only_by_function(self, name: str) -> bool:
+        """Whether a signal has no source, so that a user's function is asked for it."""
+        return self.function is not None and getattr(self.reads[name], "unsourced", False)
+
+    def _missing(
+        self, name: str, info: Mapping[str, Any], *, at_reset: bool = False
+    ) -> SignalError:
+        advice = " Supply it, or give it a value with `initially`." if at_reset else ""
+        return SignalError(
+            f"signal '{name}' is missing{' at reset' if at_reset else ''}: "
+            f"{self._reason(name, info)}{advice}"
+        )
+
+    def _reason(self, name: str, info: Mapping[str, Any]) -> str:
+        if self.only_by_function(name):
+            return UNSUPPLIED
+        keys: Sequence[str] = getattr(self.reads[name], "keys", ())
+        path, offered = "info", info
+        for key in keys:
+            if not (isinstance(offered, Mapping) and key in offered):
+                known = [str(k) for k in offered] if isinstance(offered, Mapping) else []
+                return f"{path} has no '{key}'.{did_you_mean(key, known)}"
+            path, offered = f"{path}.{key}", offered[key]
+        return f"{path} has no '{name}'."
 
     @property
     def reads_last_action(self) -> bool:
@@ -123,7 +160,13 @@ def make_reader(
 
     Raises:
         SignalError: A source does not exist in the spaces, or has another shape than its signal.
+        UsageError: What is given as the function is none.
     """
+    if not (function is None or callable(function)):
+        raise UsageError(
+            "`signals` must be a function (observation, action, last_action, info) -> "
+            f"{{signal: value}}, got {shown(function)}."
+        )
     used = plan_of(task).signals
     signals = [signal for signal in task.signals if signal.name in used]
     known = task.analysis.known
@@ -187,26 +230,48 @@ class _InfoRead:
 
     from_info = True
 
-    def __init__(self, keys: Iterable[str], index: Any) -> None:
-        self.keys, self._index = tuple(keys), index
+    def __init__(self, name: str, source: Source | None, index: Any) -> None:
+        self.unsourced = source is None
+        self.keys = ("signals", name) if source is None else source.keys
+        self._index = index
+        self._reads = f"signal '{name}' reads {source or '.'.join(('info', *self.keys))}"
 
     def __call__(self, observation: Any, action: Any, last: Any, info: Mapping[str, Any]) -> Any:
         value: Any = info
         for key in self.keys:
+            try:
+                value = value[key]
+            except (TypeError, IndexError):
+                raise self._no_entries(key, value) from None
+        if self._index is None:
+            return value
+        try:
+            return np.asarray(value)[self._index]
+        except (IndexError, TypeError, ValueError):
+            path = ".".join(("info", *self.keys))
+            raise SignalError(f"{self._reads}, but {path} is {_found(value)}.") from None
+
+    def present(self, infos: Mapping[str, Any], count: int) -> Any:
+        """In which of `count` sub-environments the path exists, by Gymnasium's masks `_key`."""
+        present = np.ones(count, bool)
+        value: Any = infos
+        for key in self.keys:
+            if not isinstance(value, Mapping):
+                raise self._no_entries(key, value)
+            if key not in value:
+                return np.zeros(count, bool)
+            present = present & value.get(f"_{key}", True)
             value = value[key]
-        return value if self._index is None else np.asarray(value)[self._index]
+        return present
+
+    def _no_entries(self, key: str, value: Any) -> SignalError:
+        path = ".".join(("info", *self.keys[: self.keys.index(key)]))
+        return SignalError(f"{self._reads}, but {path} is {_found(value)}, which has no entries.")
 
 
-def info_mask(infos: Mapping[str, Any], keys: Sequence[str], count: int) -> Any:
-    """In which of `count` sub-environments a path of keys exists, by Gymnasium's masks `_key`."""
-    present = np.ones(count, bool)
-    value: Any = infos
-    for key in keys:
-        if key not in value:
-            return np.zeros(count, bool)
-        present = present & value.get(f"_{key}", True)
-        value = value[key]
-    return present
+def _found(value: Any) -> str:
+    """A value in one line."""
+    return " ".join(shown(value).split())
 
 
 def _reader(
@@ -214,13 +279,13 @@ def _reader(
 ) -> Read:
     source = signal.source
     if source is None:
-        return _InfoRead(("signals", signal.name), None)
+        return _InfoRead(signal.name, None, None)
     index: Any = None
     if source.index is not None:
         last = slice(*source.index) if isinstance(source.index, tuple) else source.index
         index = (..., last)
     if source.root == "info":
-        return _InfoRead(source.keys, index)
+        return _InfoRead(signal.name, source, index)
     space = observation_space if source.root == "obs" else action_space
     _check_shape(signal, source, _subspace(signal, source, space))
     position = {"obs": 0, "action": 1, "last_action": 2}[source.root]
@@ -285,23 +350,3 @@ def _length(shape: tuple[int, ...]) -> str:
 
 def _kind(space: gym.Space[Any]) -> str:
     return f"a {type(space).__name__}"
-
-
-def _missing(
-    name: str, read: Read, info: Mapping[str, Any], *, at_reset: bool = False
-) -> SignalError:
-    keys: Sequence[str] = getattr(read, "keys", ())
-    path, offered = "info", info
-    for key in keys:
-        if not (isinstance(offered, Mapping) and key in offered):
-            known = [str(k) for k in offered] if isinstance(offered, Mapping) else []
-            hint = did_you_mean(key, known)
-            break
-        path, offered = f"{path}.{key}", offered[key]
-    else:
-        hint, key = "", name
-    advice = " Supply it, or give it a value with `initially`." if at_reset else ""
-    return SignalError(
-        f"signal '{name}' is missing{' at reset' if at_reset else ''}: "
-        f"{path} has no '{key}'.{hint}{advice}"
-    )

@@ -2,32 +2,28 @@
 
 from __future__ import annotations
 
-import warnings
 from copy import deepcopy
 from typing import Any, SupportsFloat
 
 import gymnasium as gym
 import numpy as np
-from gymnasium import wrappers as gym_wrappers
+from gymnasium.utils import RecordConstructorArgs
 
 from hprs.errors import SignalError
 from hprs.rewards.base import Reward
-from hprs.rewards.hierarchical import DEFAULT_END, End
+from hprs.rewards.hierarchical import End
 from hprs.semantics.evaluation import carry
 from hprs.semantics.plan import plan_of
 from hprs.semantics.single_state import float_evaluator
-from hprs.spec.task import ENV_REWARD, Task
-from hprs.wrappers.arguments import chosen_reward, require_environment
+from hprs.spec.task import ENV_REWARD, Task, require_task
+from hprs.wrappers.arguments import (
+    chosen_reward,
+    require_environment,
+    warn_of_changed_observations,
+)
 from hprs.wrappers.episode import Episode
 from hprs.wrappers.signals import SignalFunction, make_reader, zero_action
 from hprs.wrappers.state import StateReader
-
-CHANGES_OBSERVATIONS = (
-    gym_wrappers.NormalizeObservation,
-    gym_wrappers.FrameStackObservation,
-    gym_wrappers.RescaleObservation,
-)
-"""Gymnasium's wrappers below which `obs[...]` would no longer be in the task's units."""
 
 
 def wrap(
@@ -35,7 +31,7 @@ def wrap(
     task: Task,
     reward: str | Reward = "hprs",
     *,
-    end: End = DEFAULT_END,
+    end: End | None = None,
     discount: float | None = None,
     signals: SignalFunction | None = None,
     end_on_violation: bool = True,
@@ -49,13 +45,17 @@ def wrap(
 
     Wrap before normalisation and stacking: signals read raw observations. Where the task reads
     `info` or `signals` is given, the environment is reset once, to see that every signal exists.
+    A signal with `initially` may be absent then: whether its `info` entry exists, a misspelt name
+    included, only the first step tells.
 
     Args:
         env: The environment.
         task: The task.
         reward: A name of `hprs.rewards.REWARDS`, or a reward.
-        end: End-of-episode convention of the shaping; see `hprs.rewards.Hierarchical`.
-        discount: The learner's discount; `end="invariant"` needs it.
+        end: End-of-episode convention of the shaping, `"paper"` unless given; see
+            `hprs.rewards.Hierarchical`. Only for rewards given by name.
+        discount: The learner's discount; `end="invariant"` needs it. Only for rewards given by
+            name.
         signals: A function `(observation, action, last_action, info) -> {signal: value}` that
             supplies some or all signals.
         end_on_violation: End the episode (terminated) when a safety requirement is violated.
@@ -77,8 +77,8 @@ def wrap(
     )
 
 
-class TaskWrapper(gym.Wrapper[Any, Any, Any, Any]):
-    """What `wrap` returns."""
+class TaskWrapper(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
+    """What `wrap` returns; `gymnasium.make(env.spec)` makes another of it."""
 
     def __init__(
         self,
@@ -90,8 +90,18 @@ class TaskWrapper(gym.Wrapper[Any, Any, Any, Any]):
         end_on_violation: bool,
         end_on_target: bool,
     ) -> None:
-        super().__init__(env)
-        self.task = task
+        # Not copied: tasks and rewards are frozen, and a function's belongings may not be copyable.
+        RecordConstructorArgs.__init__(
+            self,
+            _disable_deepcopy=True,
+            task=task,
+            reward=reward,
+            signals=signals,
+            end_on_violation=end_on_violation,
+            end_on_target=end_on_target,
+        )
+        gym.Wrapper.__init__(self, env)  # pyright: ignore[reportUnknownMemberType]
+        self.task = require_task(task)
         self.reward = reward
         warn_of_changed_observations(env)
         plan = plan_of(task)
@@ -129,13 +139,13 @@ class TaskWrapper(gym.Wrapper[Any, Any, Any, Any]):
 
     def step(self, action: Any) -> tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]:
         """Step the environment; the reward is the task's."""
-        observation, env_reward, terminated, truncated, info = self.env.step(action)
-        env_reward = float(env_reward)
-        terminated, truncated = bool(terminated), bool(truncated)
         episode = self._episode
         step = episode.steps + 1
         if step == 0:
             raise SignalError("step() was called before reset().")
+        observation, env_reward, terminated, truncated, info = self.env.step(action)
+        env_reward = float(env_reward)
+        terminated, truncated = bool(terminated), bool(truncated)
         values = self._signals.after_step(observation, action, self._last_action, info, step)
         evaluation = margins, satisfied, scores, potential = self._evaluate(values)
         if potential != potential:
@@ -173,15 +183,3 @@ def nan_margin(margins: dict[str, Any], step: Any) -> SignalError:
         f"the margin of requirement '{label}' is NaN at step {step}: a signal has left the range "
         "in which its expression is defined."
     )
-
-
-def warn_of_changed_observations(env: Any, kinds: tuple[type, ...] = CHANGES_OBSERVATIONS) -> None:
-    """Warn of Gymnasium's own wrappers below that change what `obs[...]` means."""
-    while hasattr(env, "env"):
-        if isinstance(env, kinds):
-            warnings.warn(
-                f"{type(env).__name__} lies below the task: its signals read changed observations. "
-                "Wrap with the task first, then normalise or stack.",
-                stacklevel=4,
-            )
-        env = env.env

@@ -10,31 +10,35 @@ from collections.abc import Callable
 from typing import Any, cast
 
 import numpy as np
-from gymnasium import wrappers as gym_wrappers
-from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
+from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv, VectorWrapper
 
 from hprs.errors import SignalError
 from hprs.rewards.base import Reward
-from hprs.rewards.hierarchical import DEFAULT_END, End
+from hprs.rewards.hierarchical import End
 from hprs.semantics import assessment
 from hprs.semantics.evaluation import Evaluation, carry, evaluate_arrays
 from hprs.semantics.plan import plan_of
 from hprs.spec.task import ENV_REWARD, Task
-from hprs.wrappers.arguments import chosen_reward, require_environment
+from hprs.wrappers.arguments import (
+    chosen_reward,
+    require_environment,
+    warn_of_changed_observations,
+)
 from hprs.wrappers.batch import BatchReader
 from hprs.wrappers.merging import (
     copy_batch,
     masked,
     merge_infos,
     merge_rows,
+    merge_tally,
     set_row,
     take_row,
     without_rows,
 )
-from hprs.wrappers.probing import undisturbed
+from hprs.wrappers.probing import undisturbed, undisturbed_rows
 from hprs.wrappers.resets import Mask, forced_reset, reset_by_mask
 from hprs.wrappers.signals import SignalFunction, make_reader, zero_action
-from hprs.wrappers.single import nan_margin, warn_of_changed_observations
+from hprs.wrappers.single import nan_margin
 
 
 def wrap_vector(
@@ -42,7 +46,7 @@ def wrap_vector(
     task: Task,
     reward: str | Reward = "hprs",
     *,
-    end: End = DEFAULT_END,
+    end: End | None = None,
     discount: float | None = None,
     signals: SignalFunction | None = None,
     end_on_violation: bool = True,
@@ -53,6 +57,11 @@ def wrap_vector(
     The signal function gets batches. Entries of `info` are arrays with a mask `_key`, as Gymnasium
     has them; `assessment` is an array of objects. With same-step autoreset the last step's entries
     stand in `final_info`.
+
+    Every sub-environment's episodes are those of `hprs.wrap`. One exception: an `AsyncVectorEnv` in
+    autoreset mode NEXT_STEP steps a sub-environment whose episode the task has ended once more
+    before it resets it. What `np_random` draws is undone, other hidden state that outlives a reset
+    is not; use SAME_STEP or DISABLED where that matters.
 
     Raises:
         SignalError: A signal is missing or misshapen.
@@ -86,7 +95,9 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
         super().__init__(envs)
         self.task = task
         self.reward = reward
-        warn_of_changed_observations(envs, _CHANGES_OBSERVATIONS)
+        bare: Any = envs.unwrapped
+        parts = bare.envs if isinstance(bare, SyncVectorEnv) else ()
+        warn_of_changed_observations(envs, *parts)
         self._plan = plan = plan_of(task)
         self._mode = AutoresetMode(envs.metadata.get("autoreset_mode", AutoresetMode.NEXT_STEP))
         reader = make_reader(task, envs.single_observation_space, envs.single_action_space, signals)
@@ -130,12 +141,16 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
         """Step all sub-environments; the rewards are the task's."""
         if self._tally is None:
             raise SignalError("step() was called before reset().")
-        observation, env_reward, terminated, truncated, infos = self.env.step(actions)
         resetting = self._ended if self._mode == AutoresetMode.NEXT_STEP else ~self._everyone
         if self._forced.any() and self._mode == AutoresetMode.NEXT_STEP and self._resets_by_mask:
-            # The step above was one too many for these: their episodes had ended.
+            # This step is one too many for these: their episodes have ended.
+            with undisturbed_rows(self.env, self._forced):
+                _, env_reward, terminated, truncated, infos = self.env.step(actions)
             observation, reset_infos = self._reset_rows(self._forced)
             infos = merge_infos(without_rows(infos, self._forced), reset_infos, self._forced)
+        else:
+            observation, env_reward, terminated, truncated, infos = self.env.step(actions)
+        env_reward = np.array(env_reward, dtype=np.float64)
         own_end = terminated | truncated
         last_observation, last_infos = self._last(observation, infos, own_end)
         rewards, terminated, truncated, described = self._transition(
@@ -236,11 +251,14 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
         evaluation = self._evaluate(values, mask, np.zeros(self.num_envs, int))
         memory = self.reward.init(values)
         tally = assessment.start(self._plan, evaluation.satisfied)
+        if self._tally is None:
+            # So that a memory that cannot be merged is refused now, not in the middle of a run.
+            merge_rows(self._everyone, memory, memory)
         whole = self._tally is None or mask.all()
         self._memory = memory if whole else merge_rows(mask, memory, self._memory)
-        self._tally = tally if whole else merge_rows(mask, tally, self._tally)
+        self._tally = tally if whole else merge_tally(mask, tally, cast(Any, self._tally))
         if self._zeros is not None and self._reads_last_action:
-            last = self._zeros if whole else merge_rows(mask, self._zeros.T, self._last_action.T).T
+            last = self._zeros if whole else merge_rows(mask, self._zeros, self._last_action)
             self._last_action = np.array(last)
         return merge_infos(infos, self._describe(evaluation, mask), mask)
 
@@ -293,7 +311,3 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
 
 
 _FINAL = ("final_obs", "final_info")
-_CHANGES_OBSERVATIONS = (
-    gym_wrappers.vector.NormalizeObservation,
-    gym_wrappers.vector.RescaleObservation,
-)
