@@ -79,6 +79,7 @@ BENCHMARKS: Mapping[str, Benchmark] = MappingProxyType(
                 entry_point="hprs.envs.bipedal_walker.env:BipedalWalker",
                 horizon=500,
                 description="walk to a goal without falling",
+                hyperparameters="even.toml",
             ),
             Benchmark(
                 id="hprs/BipedalWalkerHardcore-v0",
@@ -88,6 +89,20 @@ BENCHMARKS: Mapping[str, Benchmark] = MappingProxyType(
                 description="the same over stumps, pits and stairs",
                 options={"hardcore": True},
                 hyperparameters="hardcore.toml",
+            ),
+            Benchmark(
+                id="hprs/SafeDriving-v0",
+                package="hprs.envs.safe_driving",
+                entry_point="hprs.envs.safe_driving.env:SafeDriving",
+                horizon=250,
+                description="drive one lap fast, smoothly and off the walls",
+            ),
+            Benchmark(
+                id="hprs/FollowLeader-v0",
+                package="hprs.envs.follow_leader",
+                entry_point="hprs.envs.follow_leader.env:FollowLeader",
+                horizon=300,
+                description="drive one lap behind a leader, neither close nor far",
             ),
         )
     }
@@ -116,13 +131,18 @@ def register() -> None:
             )
 
 
+def benchmark_of(environment: str) -> Benchmark | None:
+    """The benchmark that an id names, as `module:id` too; None for an environment not of ours."""
+    return BENCHMARKS.get(environment.rpartition(":")[2])
+
+
 def task_text_of(environment: str) -> str | None:
     """The text of a benchmark's task; None for an environment that is not ours."""
-    benchmark = BENCHMARKS.get(environment)
+    benchmark = benchmark_of(environment)
     return None if benchmark is None else benchmark.task_text
 
 
 def task_of(environment: str) -> Task | None:
     """The task of a benchmark; None for an environment that is not ours."""
-    benchmark = BENCHMARKS.get(environment)
+    benchmark = benchmark_of(environment)
     return None if benchmark is None else benchmark.task

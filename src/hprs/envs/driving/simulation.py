@@ -1,0 +1,206 @@
+"""A car that learns to drive, as pure functions of one episode: 10 control steps a second.
+
+An action changes the speed command and sets the steering command. The commands, not the changes,
+are what the policy remembers and what smoothness is about.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TypeAlias
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+
+from hprs.carsim import race
+from hprs.carsim.actuators import MAX_SPEED_COMMAND, Command
+from hprs.carsim.lidar import BEAMS, Lidar, measure, with_noise
+from hprs.carsim.track import SIGHT, Track
+from hprs.envs.driving.selection import selected
+
+SPEED_CHANGE = 0.4
+"""Change of the speed command by an action of 1, m/s: 4 m/s^2 at 10 Hz."""
+REMEMBERED_COMMANDS = 3
+"""Commands in an observation, the newest included."""
+SPEED_SCALE = 5.0
+"""Speed in m/s that is observed as 1; what the strongest motor reaches."""
+SIGNALS = (
+    "progress",
+    "collision",
+    "clearance",
+    "speed",
+    "steering",
+    "speed_command",
+    "last_steering",
+    "last_speed_command",
+)
+"""Signals of one car."""
+LEADER_SIGNALS = ("lead_distance", "leader_contact")
+"""What a leader adds to them."""
+
+Signals: TypeAlias = dict[str, Array]
+"""Signal to value, all of them scalars; the values of the task's text."""
+
+
+@partial(
+    jax.tree_util.register_dataclass,
+    data_fields=["world", "track", "commands", "scans", "speeds"],
+    meta_fields=[],
+)
+@dataclass(frozen=True)
+class Episode:
+    """State of one running episode."""
+
+    world: race.World
+    """The cars."""
+    track: Array
+    """Number of the track, () int32."""
+    commands: Array
+    """The last commands as (steering, speed), both in [-1, 1], oldest first,
+    (REMEMBERED_COMMANDS, 2); a speed of -1 is to stand, as before the first action."""
+    scans: Array
+    """The last lidar readings, oldest first, (stacked, beams), m."""
+    speeds: Array
+    """The last measured forward speeds, oldest first, (stacked,), m/s."""
+
+
+@partial(
+    jax.tree_util.register_dataclass,
+    data_fields=["tracks", "settings", "horizon"],
+    meta_fields=["beams", "stacked"],
+)
+@dataclass(frozen=True)
+class Simulation:
+    """What all episodes share; arrays are arguments of compiled functions, not constants."""
+
+    tracks: Track
+    """A stack; each episode draws one."""
+    settings: race.Settings
+    """Of the worlds."""
+    horizon: Array
+    """Control steps after which an episode is truncated, () int32."""
+    beams: int = BEAMS
+    """Of the observed lidar."""
+    stacked: int = 1
+    """Scans and speeds in an observation."""
+
+    @property
+    def signal_names(self) -> tuple[str, ...]:
+        """Signals in the order in which they are reported."""
+        return SIGNALS + LEADER_SIGNALS * (self.settings.cars - 1)
+
+    @property
+    def observation_size(self) -> int:
+        """Length of an observation."""
+        return 2 * REMEMBERED_COMMANDS + self.stacked * (self.beams + 1)
+
+    def reset(self, key: Array) -> tuple[Episode, Array, Signals]:
+        """A new episode, its first observation and its signals.
+
+        Args:
+            key: JAX key; it determines all that is drawn in the episode.
+        """
+        track_key, world_key = jax.random.split(key)
+        index = jax.random.randint(track_key, (), 0, self.tracks.length.shape[0])
+        track = selected(self.tracks, index)
+        world = race.reset(world_key, track, self.settings)
+        dtype = track.centre.dtype
+        standing = jnp.tile(jnp.array([0.0, -1.0], dtype), (REMEMBERED_COMMANDS, 1))
+        scan = self._scan(world, track)
+        episode = Episode(
+            world=world,
+            track=index,
+            commands=standing,
+            scans=jnp.tile(scan, (self.stacked, 1)),
+            speeds=jnp.tile(world.velocity, self.stacked),
+        )
+        return episode, observe(episode), self._signals(episode, track)
+
+    def step(
+        self, episode: Episode, action: Array
+    ) -> tuple[Episode, Array, Signals, Array, Array, Array]:
+        """One control step.
+
+        Args:
+            episode: The state.
+            action: Change of speed and steering, (2,); clipped to [-1, 1], positive to the left.
+
+        Returns:
+            The new state, the observation, the signals, the environment's own reward (100 times
+            the fraction of a lap that was driven), and whether the episode has terminated (by a
+            contact or a lap) or is truncated.
+        """
+        track = selected(self.tracks, episode.track)
+        change, steering = jnp.clip(action.astype(episode.commands.dtype), -1.0, 1.0)
+        standing = episode.commands[-1, 1]
+        speed = jnp.clip(standing + 2 * SPEED_CHANGE / MAX_SPEED_COMMAND * change, -1.0, 1.0)
+        command = Command(steering, (speed + 1) / 2 * MAX_SPEED_COMMAND)
+        before = episode.world
+        world = race.step(before, track, command)
+        episode = replace(
+            episode,
+            world=world,
+            commands=_pushed(episode.commands, jnp.stack([steering, speed])),
+            scans=_pushed(episode.scans, self._scan(world, track)),
+            speeds=_pushed(episode.speeds, world.velocity),
+        )
+        signals = self._signals(episode, track)
+        driven = world.distance[0] - before.distance[0]
+        reward = 100 * driven / track.length
+        contact = world.hit_wall[0] | world.hit_car
+        terminated = contact | (signals["progress"] >= 1)
+        return (
+            episode,
+            observe(episode),
+            signals,
+            reward,
+            terminated,
+            ~terminated & (world.steps >= self.horizon),
+        )
+
+    def _scan(self, world: race.World, track: Track) -> Array:
+        """The observed readings: the world's, or those of a lidar with other beams."""
+        if self.beams == BEAMS:
+            return world.scan
+        cars = [jax.tree.map(lambda leaf, i=i: leaf[i], world.cars) for i in (0, -1)]
+        leader = cars[1] if self.settings.cars == 2 else None
+        exact = measure(track, cars[0], leader, lidar=Lidar(beams=self.beams))
+        # The world's key is that of the next step; this noise must not be that step's.
+        key = jax.random.fold_in(jax.random.wrap_key_data(world.key), self.beams)
+        uniform = jax.random.uniform(key, exact.shape, exact.dtype, minval=-1.0, maxval=1.0)
+        share = jnp.asarray(world.parameters.sensors.lidar_noise)[0]
+        return with_noise(exact, uniform, share=share)
+
+    def _signals(self, episode: Episode, track: Track) -> Signals:
+        world = episode.world
+        last, now = episode.commands[-2], episode.commands[-1]
+        values = (
+            world.distance[0] / track.length,
+            world.hit_wall[0].astype(now.dtype),
+            race.clearance(world, track)[0],
+            (world.cars.speed * jnp.cos(world.cars.slip))[0],
+            now[0],
+            now[1],
+            last[0],
+            last[1],
+        )
+        if self.settings.cars == 2:
+            values += (race.lead_distance(world), world.hit_car.astype(now.dtype))
+        return dict(zip(self.signal_names, values, strict=True))
+
+
+def observe(episode: Episode) -> Array:
+    """What the policy sees, in [-1, 1]: commands, scans and speeds, each oldest first.
+
+    Readings of 0 to 15 m and speeds of 0 to 5 m/s are mapped to [-1, 1].
+    """
+    scans = 2 * episode.scans / SIGHT - 1
+    speeds = 2 * episode.speeds / SPEED_SCALE - 1
+    parts = (episode.commands.ravel(), scans.ravel(), speeds)
+    return jnp.clip(jnp.concatenate(parts), -1.0, 1.0)
+
+
+def _pushed(history: Array, newest: Array) -> Array:
+    return jnp.concatenate([history[1:], newest[None]])

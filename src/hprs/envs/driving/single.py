@@ -1,0 +1,122 @@
+"""One car as a `gymnasium.Env`: one compiled call a step, with one array in and one array out."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import gymnasium as gym
+import jax
+import jax.numpy as jnp
+import numpy as np
+from gymnasium import spaces
+from jax import Array
+
+from hprs.carsim.packed import Layout, layout_of
+from hprs.carsim.race import CONTROL_STEP
+from hprs.envs.driving.simulation import Episode, Simulation
+from hprs.errors import UsageError
+
+METADATA: dict[str, Any] = {"render_modes": [], "render_fps": round(1 / CONTROL_STEP)}
+"""Gymnasium's, of the driving environments."""
+
+
+class DrivingEnv(gym.Env[np.ndarray, np.ndarray]):
+    """A driving benchmark.
+
+    The observation is `hprs.envs.driving.simulation.observe`; `info["signals"]` holds the signals.
+    Episodes are cut off by Gymnasium's `TimeLimit`, which `gymnasium.make` puts on.
+
+    Args:
+        simulation: What is driven.
+        render_mode: None; it draws nothing by itself.
+    """
+
+    metadata = METADATA
+
+    def __init__(self, simulation: Simulation, render_mode: str | None = None) -> None:
+        if render_mode is not None:
+            raise UsageError(f"This environment draws nothing: render_mode {render_mode!r}.")
+        self.render_mode = None
+        self.simulation = simulation
+        self.observation_space = observation_space(simulation)
+        self.action_space = action_space()
+        self._names = simulation.signal_names
+        self._at = _episode_layout(simulation).size
+        self._tail = self._at + simulation.observation_size
+        self._packed: Array | None = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Start an episode; all that it draws comes from two words of `np_random`."""
+        super().reset(seed=seed)
+        observation, tail = self._read(_reset(self.simulation, draw_key(self.np_random)))
+        return observation, {"signals": dict(zip(self._names, tail[:-2], strict=True))}
+
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """Drive for 0.1 s."""
+        if self._packed is None:
+            raise UsageError("step() was called before reset().")
+        action = np.asarray(action, np.float32)
+        if action.shape != (2,) or not all(map(math.isfinite, action.tolist())):
+            raise UsageError(
+                f"An action is a change of speed and a steering, two finite numbers, not {action}."
+            )
+        observation, tail = self._read(_step(self.simulation, self._packed, action))
+        signals = dict(zip(self._names, tail[:-2], strict=True))
+        return observation, tail[-2], tail[-1] != 0, False, {"signals": signals}
+
+    def _read(self, packed: Array) -> tuple[np.ndarray, list[float]]:
+        """The observation; the signals, the reward and whether the episode has terminated."""
+        self._packed = packed
+        numbers = np.asarray(packed).view(np.float32)
+        return numbers[self._at : self._tail].copy(), numbers[self._tail :].tolist()
+
+
+def observation_space(simulation: Simulation) -> spaces.Box:
+    """Of one environment."""
+    return spaces.Box(-1.0, 1.0, (simulation.observation_size,), np.float32)
+
+
+def action_space() -> spaces.Box:
+    """Of one environment: change of speed, and steering to the left."""
+    return spaces.Box(-1.0, 1.0, (2,), np.float32)
+
+
+def draw_key(generator: np.random.Generator) -> np.ndarray:
+    """Data of a JAX key, (2,) uint32."""
+    return generator.integers(0, 2**32, 2, np.uint32)
+
+
+def _episode_layout(simulation: Simulation) -> Layout[Episode]:
+    return layout_of(jax.eval_shape(lambda key: simulation.reset(key)[0], jax.random.key(0)))
+
+
+@jax.jit
+def _reset(simulation: Simulation, key: Array) -> Array:
+    episode, observation, signals = simulation.reset(jax.random.wrap_key_data(key))
+    zero = jnp.zeros((), observation.dtype)
+    return _pack(simulation, episode, observation, signals, zero, zero)
+
+
+@jax.jit
+def _step(simulation: Simulation, packed: Array, action: Array) -> Array:
+    layout = _episode_layout(simulation)
+    episode = layout.unpack(packed[: layout.size])
+    episode, observation, signals, reward, terminated, _ = simulation.step(episode, action)
+    return _pack(simulation, episode, observation, signals, reward, terminated)
+
+
+def _pack(
+    simulation: Simulation,
+    episode: Episode,
+    observation: Array,
+    signals: dict[str, Array],
+    reward: Array,
+    terminated: Array,
+) -> Array:
+    tail = [*signals.values(), reward, terminated.astype(observation.dtype)]
+    results = jnp.concatenate([observation, jnp.stack(tail)])
+    words = jax.lax.bitcast_convert_type(results, jnp.uint32)
+    return jnp.concatenate([_episode_layout(simulation).pack(episode), words])

@@ -1,0 +1,1 @@
+"""One lap behind a leader: neither into it nor far behind."""

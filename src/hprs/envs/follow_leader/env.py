@@ -1,0 +1,55 @@
+"""Follow the leader: the car behind another one, which drives itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from hprs.envs.driving.options import Options, simulate
+from hprs.envs.driving.single import DrivingEnv
+
+DEFAULTS = Options(tracks="gm-c", horizon=300, cars=2, stacked=3)
+"""The paper's table: 3,000 simulation steps, 10 of them a control step."""
+
+
+class FollowLeader(DrivingEnv):
+    """A car that has to drive a lap behind another one.
+
+    Args:
+        render_mode: None.
+        tracks: Names of built-in tracks, `random:SEED`, or map files; each episode draws one.
+        reverse: Drive them the other way round.
+        randomisation: Vary both cars, their sensors and actuators; or a name of ranges: `all`,
+            `released`, `released-gm`, `nominal`.
+        start: `random`, anywhere on the track, or `grid`, at the start line.
+        beams: Of the lidar that is observed; the leader's has 64.
+        stacked: Scans and speeds in an observation.
+        gap_threshold: Distance in m beyond which the leader takes a beam for a gap.
+
+    Raises:
+        UsageError: An option has no such value.
+        TrackError: A map file cannot be read or driven.
+    """
+
+    def __init__(
+        self,
+        render_mode: str | None = None,
+        *,
+        tracks: str | Sequence[str] = DEFAULTS.tracks,
+        reverse: bool = DEFAULTS.reverse,
+        randomisation: bool | str = DEFAULTS.randomisation,
+        start: str = DEFAULTS.start,
+        beams: int = DEFAULTS.beams,
+        stacked: int = DEFAULTS.stacked,
+        gap_threshold: float = DEFAULTS.gap_threshold,
+    ) -> None:
+        simulation = simulate(
+            DEFAULTS,
+            tracks=tracks,
+            reverse=reverse,
+            randomisation=randomisation,
+            start=start,
+            beams=beams,
+            stacked=stacked,
+            gap_threshold=gap_threshold,
+        )
+        super().__init__(simulation, render_mode)

@@ -1,0 +1,1 @@
+"""One car, one lap: fast, in the middle, and without touching a wall."""
