@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from hprs.errors import SpecValidationError
 from hprs.spec.expression import Binary, Call, Comparison, Expression, Name, Negate, Number
-from hprs.spec.expression import comparisons as leaves_of
 from hprs.spec.parser import parse_task
 from hprs.spec.task import Definition, Remark, Requirement, Signal, Task
+from hprs.spec.traversal import comparisons as leaves_of
 from tests.strategies import signals_for, tasks
 
 SIGNALS = "signal x in [-5, 5]\nsignal y in [0, 1]\nsignal v[3] in [0, 2]\n"

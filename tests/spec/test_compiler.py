@@ -16,9 +16,9 @@ import torch
 import hprs
 from hprs import parse_task
 from hprs.spec.compiler import compile_margins, used_signals
-from hprs.spec.expression import comparisons
 from hprs.spec.namespace import namespace_of
 from hprs.spec.task import Task
+from hprs.spec.traversal import comparisons
 
 HEADER = """
 signal x in [-2, 2]
@@ -185,7 +185,13 @@ def test_a_negative_zero_gives_the_same_on_floats_and_arrays(
     expression: str, expected: float
 ) -> None:
     # Ranges that leave 0 out, so that a pole is legal: values outside of a range are.
-    low = -1 if "atan2(z" in expression else 0 if "0.5" in expression and "-0" not in expression else 1
+    low = (
+        -1
+        if "atan2(z" in expression
+        else 0
+        if "0.5" in expression and "-0" not in expression
+        else 1
+    )
     task = parse_task(f"signal z in [{low}, 2]\nensure r: {expression} >= 0 or z <= 5")
     found = first_margin(task, {"z": -0.0}, None)
     with np.errstate(all="ignore"):

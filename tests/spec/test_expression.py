@@ -25,11 +25,10 @@ from hprs.spec.expression import (
     Or,
     as_expression,
     call,
-    comparisons,
-    names,
 )
 from hprs.spec.parser import parse_task
 from hprs.spec.task import Constant, Definition, Signal
+from hprs.spec.traversal import comparisons, names
 
 X, Y, Z = Name("x"), Name("y"), Name("z")
 SIGNALS = "signal x in [0.5, 2]\nsignal y in [0.5, 2]\nsignal z in [0.5, 2]\n"
@@ -48,6 +47,9 @@ SIGNALS = "signal x in [0.5, 2]\nsignal y in [0.5, 2]\nsignal z in [0.5, 2]\n"
         (X / 2, "x / 2"),
         (2 / X, "2 / x"),
         (X**2, "x ** 2"),
+        (2**X, "2 ** x"),
+        (+X, "x"),
+        (+Signal("x", 0, 1), "x"),
         (-X, "-x"),
         (abs(X), "abs(x)"),
         (-(X + Y) * 2, "-(x + y) * 2"),
@@ -152,6 +154,20 @@ def test_nan_and_integers_beyond_the_floats_are_refused() -> None:
         (lambda: call("abs"), r"abs\(\) takes 1 argument, got 0"),
         (lambda: call("min"), r"min\(\) takes at least 1 arguments, got 0"),
         (lambda: call("atan2", X), r"atan2\(\) takes 2 arguments, got 1"),
+        (lambda: Call(3, (X,)), "unknown function '3'"),  # type: ignore[arg-type]
+        (lambda: Call("abs", X), "Call needs expressions, got Name"),  # type: ignore[arg-type]
+        (
+            lambda: Comparison(X, "==", Number(0.5)),  # type: ignore[arg-type]
+            r"a relation is one of <=, <, >=, >, got '=='\. .* write abs\(a - b\) <= tolerance",
+        ),
+        (lambda: Comparison(X, "=<", Y), "a relation is one of .*, got '=<'"),  # type: ignore[arg-type]
+        (lambda: Comparison(X, None, Y), "a relation is one of .*, got None"),  # type: ignore[arg-type]
+        (lambda: Binary("%", X, Y), r"an operator is one of \+, -, \*, /, \*\*, got '%'"),  # type: ignore[arg-type]
+        (lambda: Binary([], X, Y), r"an operator is one of .*, got \[\]"),  # type: ignore[arg-type]
+        (lambda: Name(3), "a name is a text, got 3"),  # type: ignore[arg-type]
+        (lambda: Number("3"), "expected a number or an expression, got '3'"),  # type: ignore[arg-type]
+        (lambda: Number(True), "expected a number or an expression, got True"),
+        (lambda: And(X <= 1), "and / or need a tuple of conditions, got Comparison"),  # type: ignore[arg-type]
         (lambda: And((X <= 1,)), "at least two parts"),
         (lambda: Or(()), "at least two parts"),
     ],
@@ -188,10 +204,28 @@ def test_an_expression_is_no_part_of_a_predicate() -> None:
         lambda: Negate(1.0),  # type: ignore[arg-type]
         lambda: Binary("+", X, "y"),  # type: ignore[arg-type]
         lambda: Call("abs", (1,)),  # type: ignore[arg-type]
+        lambda: Binary("+", X <= 1, X),  # type: ignore[arg-type]
     ],
 )
 def test_a_node_has_nodes_below_it(build: Callable[[], object]) -> None:
     with pytest.raises(SpecTypeError, match=r"needs expressions, got .* Build it with operators"):
+        build()
+
+
+@pytest.mark.parametrize(
+    ("build", "message"),
+    [
+        (lambda: X % 2, "expressions have no % and no //"),
+        (lambda: 7 % X, "expressions have no % and no //"),
+        (lambda: X // 2, "expressions have no % and no //"),
+        (lambda: math.sin(X), r'Write hprs.call\("sin", x\) instead of math.sin\(x\)'),
+        (lambda: ~(X <= 1), "there is no ~. Turn the comparison round"),
+    ],
+)
+def test_what_python_has_and_the_language_has_not_is_said(
+    build: Callable[[], object], message: str
+) -> None:
+    with pytest.raises(SpecTypeError, match=message):
         build()
 
 

@@ -5,13 +5,15 @@ import subprocess
 import sys
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 
 from hprs.errors import SpecError, SpecValidationError
+from hprs.spec.expression import call
 from hprs.spec.json_format import task_from_json, task_to_json
 from hprs.spec.parser import parse_task
-from hprs.spec.task import Task
+from hprs.spec.task import Requirement, Signal, Source, Task
 from tests.strategies import tasks
 
 TEXT = """
@@ -28,6 +30,18 @@ prefer near over calm
 @given(tasks())
 def test_a_task_survives_json(task: Task) -> None:
     assert task_from_json(json.loads(json.dumps(task_to_json(task)))) == task
+
+
+def test_integers_of_numpy_are_stored_as_integers() -> None:
+    source = Source("obs", ["pose"], (np.int64(0), np.int64(3)))  # type: ignore[arg-type]
+    x = Signal("x", 0, 1, source=source, length=np.int64(3))  # type: ignore[arg-type]
+    y = Signal("y", 0, 1, source=Source("obs", (), np.int8(4)))  # type: ignore[arg-type]
+    task = Task([x, y], [Requirement("ensure", "low", call("max", x) + y <= 1)])
+    assert task_from_json(json.loads(json.dumps(task_to_json(task)))) == task
+    assert task == parse_task(
+        "signal x[3] = obs.pose[0:3] in [0, 1]\nsignal y = obs[4] in [0, 1]\n"
+        "ensure low: max(x) + y <= 1"
+    )
 
 
 def test_the_format_is_plain_and_short() -> None:

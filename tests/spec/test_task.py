@@ -171,6 +171,13 @@ def test_constants_that_a_task_cannot_have(values: dict[str, Any], message: str)
         (lambda: Signal("x", 0, 1, source="obs[0]"), "source of signal 'x' is written Source"),
         (lambda: Signal("x", 0, 1, length="3"), "the length of signal 'x' is written 3, got '3'"),
         (lambda: Signal("x", 0, 1, length=True), "got True"),
+        (lambda: Source("obs", (), 1.5), r"index of a source is written 0, or \(0, 2\).*got 1.5"),
+        (lambda: Source("obs", (), True), "got True"),
+        (lambda: Source("obs", (), slice(0, 2)), r"for the slice 0:2, got slice\(0, 2, None\)"),
+        (lambda: Source("obs", (), (0, 1, 2)), r"got \(0, 1, 2\)"),
+        (lambda: Source("obs", (), (0, 1.5)), r"got \(0, 1.5\)"),
+        (lambda: Source("obs", "pose", 0), r'source are written \("pose", "x"\), got \'pose\''),
+        (lambda: Source("obs", ("pose", 3), 0), r"got \('pose', 3\)"),
         (lambda: Signal("x", 0, 1, unit=None), "the unit of signal 'x' is written"),
         (lambda: Task([Signal(7, 0, 1)]), "a name is a text, got 7"),
         (

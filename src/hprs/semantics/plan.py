@@ -14,8 +14,9 @@ from types import ModuleType
 from typing import Any, NamedTuple, TypeVar
 
 from hprs.spec.compiler import Margins, compile_margins, used_signals
-from hprs.spec.expression import And, Comparison, Predicate, comparisons
+from hprs.spec.expression import And, Comparison, Predicate
 from hprs.spec.task import Requirement, Task, require_task
+from hprs.spec.traversal import comparisons
 
 T = TypeVar("T")
 

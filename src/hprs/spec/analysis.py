@@ -13,13 +13,14 @@ from typing import NamedTuple
 
 from hprs.errors import Position, SpecTypeError, SpecValidationError
 from hprs.spec import interval
-from hprs.spec.expression import And, Comparison, Expression, Name, Negate, Predicate, comparisons
+from hprs.spec.expression import And, Comparison, Expression, Name, Negate, Predicate
 from hprs.spec.inference import Inferred, UnknownNameError, evaluate_constant, infer
 from hprs.spec.interval import DomainError, Interval
 from hprs.spec.lint import judge, judge_whole
 from hprs.spec.misuse import shown
 from hprs.spec.statements import Definition, Requirement, Signal
 from hprs.spec.task import Remark, Task
+from hprs.spec.traversal import comparisons
 from hprs.spec.vocabulary import ENV_REWARD, RESERVED
 
 

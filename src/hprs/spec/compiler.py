@@ -23,12 +23,11 @@ from hprs.spec.expression import (
     Name,
     Negate,
     Number,
-    mentions,
-    names,
 )
 from hprs.spec.inference import Inferred, infer
 from hprs.spec.namespace import Array, Operations, array_operations, float_operations
 from hprs.spec.task import Task
+from hprs.spec.traversal import mentions, names
 from hprs.spec.vocabulary import REDUCTIONS
 
 Values = MutableMapping[str, Array]

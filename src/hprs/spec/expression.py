@@ -10,20 +10,20 @@ Nodes know the place in the text they came from (`position`); it does not count 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from numbers import Real
-from typing import Literal, TypeAlias, cast
+from typing import Literal, NoReturn, TypeAlias, cast, get_args
 
 from hprs.errors import Position, SpecTypeError, SpecValidationError
-from hprs.spec.misuse import not_a_predicate, not_an_expression, shown
-from hprs.spec.vocabulary import BUILTIN_CONSTANTS, FUNCTIONS
+from hprs.spec.misuse import check_choice, not_a_predicate, not_an_expression, shown
+from hprs.spec.vocabulary import FUNCTIONS
 
 MAX_DEPTH = 100
 """Deepest nesting of an expression; it keeps every recursion over one shallow."""
 
 BinaryOperator: TypeAlias = Literal["+", "-", "*", "/", "**"]
 Relation: TypeAlias = Literal["<=", "<", ">=", ">"]
+_BINARY_OPERATORS, _RELATIONS = get_args(BinaryOperator), get_args(Relation)
 
 ExpressionLike: TypeAlias = "Operand | float"
 
@@ -74,6 +74,26 @@ class Operand:
         """Power."""
         return Binary("**", self.expression(), as_expression(other))
 
+    def __rpow__(self, other: float) -> Binary:
+        """Power of a number."""
+        return Binary("**", as_expression(other), self.expression())
+
+    def __mod__(self, other: object) -> NoReturn:
+        """Teach: there is no such operation."""
+        raise SpecTypeError("expressions have no % and no //; they have + - * / ** and hprs.call.")
+
+    __rmod__ = __floordiv__ = __rfloordiv__ = __mod__
+
+    def __float__(self) -> float:
+        """Teach: functions of `math` compute with numbers."""
+        raise SpecTypeError(
+            'an expression is no number yet. Write hprs.call("sin", x) instead of math.sin(x).'
+        )
+
+    def __pos__(self) -> Expression:
+        """This operand; a value needs no sign."""
+        return self.expression()
+
     def __neg__(self) -> Negate:
         """Sign change."""
         return Negate(self.expression())
@@ -108,13 +128,21 @@ def _depth_field() -> int:
     return field(init=False, compare=False, repr=False, default=1)
 
 
+class _Node(Operand):
+    def expression(self) -> Expression:
+        """This expression."""
+        return cast("Expression", self)
+
+
+def _set_depth_of(node: Negate | Binary | Call | Comparison, *operands: Expression) -> None:
+    for operand in operands:
+        if not isinstance(operand, _Node):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise not_an_expression(type(node).__name__, operand)
+    _set_depth(node, *operands)
+
+
 def _set_depth(node: Expression | Predicate, *children: Expression | Predicate) -> None:
-    try:
-        depth = 1 + max((child.depth for child in children), default=0)
-    except AttributeError:
-        nodes = Expression | Predicate
-        wrong = next(child for child in children if not isinstance(child, nodes))  # pyright: ignore[reportUnnecessaryIsInstance]
-        raise not_an_expression(type(node).__name__, wrong) from None
+    depth = 1 + max((child.depth for child in children), default=0)
     if depth > MAX_DEPTH:
         raise SpecValidationError(
             f"this expression is nested deeper than {MAX_DEPTH} levels. "
@@ -125,7 +153,7 @@ def _set_depth(node: Expression | Predicate, *children: Expression | Predicate) 
 
 
 @dataclass(frozen=True)
-class Number(Operand):
+class Number(_Node):
     """A number as written; never negative (`-2` is `Negate(Number(2))`) and always finite."""
 
     value: float
@@ -134,6 +162,7 @@ class Number(Operand):
 
     def __post_init__(self) -> None:
         """Reject what the grammar could not have written."""
+        _require_real(self.value, self.position)
         try:
             object.__setattr__(self, "value", float(self.value))
         except OverflowError:
@@ -143,26 +172,23 @@ class Number(Operand):
                 f"a number must be finite and not negative, got {self.value}.", self.position
             )
 
-    def expression(self) -> Expression:
-        """This number."""
-        return self
-
 
 @dataclass(frozen=True)
-class Name(Operand):
+class Name(_Node):
     """A reference to a signal, a constant or a definition."""
 
     name: str
     position: Position | None = position_field()
     depth: int = _depth_field()
 
-    def expression(self) -> Expression:
-        """This name."""
-        return self
+    def __post_init__(self) -> None:
+        """Check the type; only a task knows which names there are."""
+        if not isinstance(self.name, str):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise SpecTypeError(f"a name is a text, got {shown(self.name)}.", self.position)
 
 
 @dataclass(frozen=True)
-class Negate(Operand):
+class Negate(_Node):
     """A sign change."""
 
     operand: Expression
@@ -170,16 +196,12 @@ class Negate(Operand):
     depth: int = _depth_field()
 
     def __post_init__(self) -> None:
-        """Bound the depth."""
-        _set_depth(self, self.operand)
-
-    def expression(self) -> Expression:
-        """This expression."""
-        return self
+        """Check the operand and bound the depth."""
+        _set_depth_of(self, self.operand)
 
 
 @dataclass(frozen=True)
-class Binary(Operand):
+class Binary(_Node):
     """An arithmetic operation on two expressions."""
 
     operator: BinaryOperator
@@ -189,16 +211,13 @@ class Binary(Operand):
     depth: int = _depth_field()
 
     def __post_init__(self) -> None:
-        """Bound the depth."""
-        _set_depth(self, self.left, self.right)
-
-    def expression(self) -> Expression:
-        """This expression."""
-        return self
+        """Check the operator and the operands, and bound the depth."""
+        check_choice("an operator", self.operator, _BINARY_OPERATORS, self.position)
+        _set_depth_of(self, self.left, self.right)
 
 
 @dataclass(frozen=True)
-class Call(Operand):
+class Call(_Node):
     """A call of one of `FUNCTIONS`."""
 
     function: str
@@ -207,12 +226,14 @@ class Call(Operand):
     depth: int = _depth_field()
 
     def __post_init__(self) -> None:
-        """Check name and number of arguments."""
-        if self.function not in FUNCTIONS:
+        """Check name, number and kind of arguments, and bound the depth."""
+        if not isinstance(self.function, str) or self.function not in FUNCTIONS:  # pyright: ignore[reportUnnecessaryIsInstance]
             raise SpecValidationError(
                 f"unknown function '{self.function}'. Functions are {', '.join(FUNCTIONS)}.",
                 self.position,
             )
+        if not isinstance(self.arguments, tuple | list):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise not_an_expression("Call", self.arguments)
         least, most = FUNCTIONS[self.function]
         if not least <= len(self.arguments) <= (most or len(self.arguments)):
             wanted = f"{least}" if most == least else f"at least {least}"
@@ -222,11 +243,7 @@ class Call(Operand):
                 self.position,
             )
         object.__setattr__(self, "arguments", tuple(self.arguments))
-        _set_depth(self, *self.arguments)
-
-    def expression(self) -> Expression:
-        """This expression."""
-        return self
+        _set_depth_of(self, *self.arguments)
 
 
 Expression: TypeAlias = Number | Name | Negate | Binary | Call
@@ -251,6 +268,10 @@ class _Connectable:
         """Teach: the left side is no predicate."""
         raise not_a_predicate("| needs", other)
 
+    def __invert__(self) -> NoReturn:
+        """Teach: there is no negation."""
+        raise SpecTypeError("there is no ~. Turn the comparison round: not (x <= 1) is x > 1.")
+
     def __bool__(self) -> bool:
         """Teach: a chain `a <= x <= b` or `and` would drop one half."""
         raise SpecTypeError(
@@ -274,8 +295,9 @@ class Comparison(_Connectable):
     depth: int = _depth_field()
 
     def __post_init__(self) -> None:
-        """Bound the depth."""
-        _set_depth(self, self.left, self.right)
+        """Check the relation and the sides, and bound the depth."""
+        check_choice("a relation", self.relation, _RELATIONS, self.position)
+        _set_depth_of(self, self.left, self.right)
 
     @property
     def strict(self) -> bool:
@@ -321,6 +343,8 @@ Predicate: TypeAlias = Comparison | And | Or
 
 def _flatten(node: And | Or, kind: type[And] | type[Or]) -> None:
     parts: list[Predicate] = []
+    if not isinstance(node.parts, tuple | list):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise SpecTypeError(f"and / or need a tuple of conditions, got {shown(node.parts)}.")
     for part in node.parts:
         if not isinstance(part, _Connectable):  # pyright: ignore[reportUnnecessaryIsInstance]
             raise not_a_predicate("and / or need", part)
@@ -340,8 +364,7 @@ def as_expression(value: ExpressionLike) -> Expression:
     """
     if isinstance(value, Operand):
         return value.expression()
-    if isinstance(value, bool) or not isinstance(value, Real):  # pyright: ignore[reportUnnecessaryIsInstance]
-        raise SpecTypeError(f"expected a number or an expression, got {shown(value)}.")
+    _require_real(value)
     try:
         number = float(value)
     except OverflowError:
@@ -350,36 +373,11 @@ def as_expression(value: ExpressionLike) -> Expression:
     return Negate(magnitude) if math.copysign(1.0, number) < 0 else magnitude
 
 
+def _require_real(value: object, position: Position | None = None) -> None:
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise SpecTypeError(f"expected a number or an expression, got {shown(value)}.", position)
+
+
 def call(function: str, *arguments: ExpressionLike) -> Call:
     """A call of a function of the language, for tasks built in Python: `call("hypot", x, y)`."""
     return Call(function, tuple(as_expression(argument) for argument in arguments))
-
-
-def comparisons(predicate: Predicate) -> tuple[Comparison, ...]:
-    """The comparisons of a predicate, from left to right."""
-    if isinstance(predicate, Comparison):
-        return (predicate,)
-    return tuple(leaf for part in predicate.parts for leaf in comparisons(part))
-
-
-def names(node: Expression | Predicate) -> frozenset[str]:
-    """The names that an expression or predicate refers to, builtin constants left out."""
-    return frozenset(mentions(node))
-
-
-def mentions(node: Expression | Predicate) -> Iterator[str]:
-    """Every mention of a name in an expression or predicate, builtin constants left out."""
-    waiting: list[Expression | Predicate] = [node]
-    while waiting:
-        match part := waiting.pop():
-            case Number():
-                pass
-            case Name(name):
-                if name not in BUILTIN_CONSTANTS:
-                    yield name
-            case Negate(operand):
-                waiting.append(operand)
-            case Binary(_, left, right) | Comparison(left, _, right):
-                waiting += (left, right)
-            case _:
-                waiting += part.arguments if isinstance(part, Call) else part.parts

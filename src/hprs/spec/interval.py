@@ -11,7 +11,6 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
-
 _TOO_LARGE = "the result is too large for a float"
 
 

@@ -6,10 +6,11 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 from hprs.errors import SpecValidationError
-from hprs.spec.expression import And, Comparison, Or, Predicate, comparisons, names
+from hprs.spec.expression import And, Comparison, Or, Predicate
 from hprs.spec.inference import Inferred, infer
 from hprs.spec.interval import Interval
 from hprs.spec.task import Remark, Requirement, Task
+from hprs.spec.traversal import comparisons, names
 
 
 def _never(leaf: Interval, comparison: Comparison) -> bool:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from hprs.errors import SpecTypeError
+from collections.abc import Collection
+
+from hprs.errors import Position, SpecTypeError, SpecValidationError, did_you_mean
 
 
 def not_a_predicate(context: str, found: object) -> SpecTypeError:
@@ -18,6 +20,30 @@ def not_a_predicate(context: str, found: object) -> SpecTypeError:
     elif isinstance(found, str):
         advice = " A text is read by hprs.parse_task."
     return SpecTypeError(f"{context} a comparison such as x <= 1, got {shown(found)}.{advice}")
+
+
+def check_choice(
+    what: str, found: object, options: Collection[str], position: Position | None
+) -> None:
+    """Check that something is one of several words or signs.
+
+    Args:
+        what: What it is, with its article: "a relation".
+        found: What stands there.
+        options: What may stand there.
+        position: Where.
+
+    Raises:
+        SpecValidationError: It is none of them.
+    """
+    if isinstance(found, str) and found in options:
+        return
+    advice = did_you_mean(found, options) if isinstance(found, str) else ""
+    if found in ("==", "!="):
+        advice = " Measured numbers are almost never equal: write abs(a - b) <= tolerance."
+    raise SpecValidationError(
+        f"{what} is one of {', '.join(options)}, got {shown(found)}.{advice}", position
+    )
 
 
 def not_an_expression(node: str, found: object) -> SpecTypeError:

@@ -35,11 +35,12 @@ class Source:
     position: Position | None = position_field()
 
     def __post_init__(self) -> None:
-        """Check the root, and that only dictionaries are given keys."""
+        """Check root, keys and index, and that only dictionaries are given keys."""
         if self.root not in ROOTS:
             raise SpecValidationError(
                 f"a source reads {', '.join(ROOTS)}, not '{self.root}'.", self.position
             )
+        self._set_keys_and_index()
         for key in self.keys:
             if not (key.isidentifier() and key.isascii()):
                 raise SpecValidationError(
@@ -58,6 +59,26 @@ class Source:
                 f"{self.root} has no entries: read it as {self.root}[0].", self.position
             )
 
+    def _set_keys_and_index(self) -> None:
+        """Keys as a tuple of texts, indices as Python's integers."""
+        given: object = self.keys
+        keys = tuple(self.keys) if isinstance(given, tuple | list) else (None,)  # pyright: ignore[reportUnnecessaryIsInstance]
+        if not all(isinstance(key, str) for key in keys):
+            raise SpecTypeError(
+                f'the keys of a source are written ("pose", "x"), got {shown(given)}.',
+                self.position,
+            )
+        ends = self.index if isinstance(self.index, tuple) else (self.index, None)
+        if len(ends) != 2 or not all(map(_is_whole_or_none, ends)):
+            raise SpecTypeError(
+                "the index of a source is written 0, or (0, 2) for the slice 0:2, "
+                f"got {shown(self.index)}.",
+                self.position,
+            )
+        first, last = (None if end is None else int(end) for end in ends)
+        object.__setattr__(self, "keys", keys)
+        object.__setattr__(self, "index", (first, last) if isinstance(self.index, tuple) else first)
+
     def __str__(self) -> str:
         """The source as written in a task."""
         path = ".".join((self.root, *self.keys))
@@ -67,6 +88,10 @@ class Source:
             return f"{path}[{self.index}]"
         start, stop = self.index
         return f"{path}[{'' if start is None else start}:{'' if stop is None else stop}]"
+
+
+def _is_whole_or_none(end: object) -> bool:
+    return end is None or (not isinstance(end, bool) and isinstance(end, Integral))
 
 
 @dataclass(frozen=True)
@@ -109,7 +134,7 @@ class Signal(Operand):
             "low": as_expression(low),
             "high": as_expression(high),
             "source": source,
-            "length": length,
+            "length": int(length) if isinstance(length, Integral) else length,
             "initially": None if initially is None else as_expression(initially),
             "unit": unit,
             "position": position,
