@@ -96,6 +96,7 @@ BENCHMARKS: Mapping[str, Benchmark] = MappingProxyType(
                 entry_point="hprs.envs.safe_driving.env:SafeDriving",
                 horizon=250,
                 description="drive one lap fast, smoothly and off the walls",
+                vector_entry_point="hprs.envs.safe_driving.env:SafeDrivingVector",
             ),
             Benchmark(
                 id="hprs/FollowLeader-v0",
@@ -103,6 +104,7 @@ BENCHMARKS: Mapping[str, Benchmark] = MappingProxyType(
                 entry_point="hprs.envs.follow_leader.env:FollowLeader",
                 horizon=300,
                 description="drive one lap behind a leader, neither close nor far",
+                vector_entry_point="hprs.envs.follow_leader.env:FollowLeaderVector",
             ),
         )
     }

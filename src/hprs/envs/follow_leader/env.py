@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
+
+from gymnasium.vector import AutoresetMode
 
 from hprs.envs.driving.options import Options, simulate
 from hprs.envs.driving.single import DrivingEnv
+from hprs.envs.driving.vector import DrivingVectorEnv
 
 DEFAULTS = Options(tracks="gm-c", horizon=300, cars=2, stacked=3)
 """The paper's table: 3,000 simulation steps, 10 of them a control step."""
@@ -53,3 +57,29 @@ class FollowLeader(DrivingEnv):
             gap_threshold=gap_threshold,
         )
         super().__init__(simulation, render_mode)
+
+
+class FollowLeaderVector(DrivingVectorEnv):
+    """Many of them, stepped by one compiled call.
+
+    Args:
+        num_envs: How many cars learn.
+        max_episode_steps: Control steps after which an episode is truncated.
+        autoreset_mode: When a row that has ended is reset.
+        **options: Those of `FollowLeader`.
+
+    Raises:
+        UsageError: There is no such option, or it has no such value.
+        TrackError: A map file cannot be read or driven.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        max_episode_steps: int = DEFAULTS.horizon,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        **options: Any,
+    ) -> None:
+        simulation = simulate(DEFAULTS, horizon=max_episode_steps, **options)
+        super().__init__(simulation, num_envs, autoreset_mode)
