@@ -25,7 +25,6 @@ _STRAIGHT = 1e-3
     jax.tree_util.register_dataclass,
     data_fields=[
         "lookahead",
-        "lookahead_time",
         "top_speed",
         "lateral_acceleration",
         "deceleration",
@@ -43,20 +42,18 @@ class PursuitParameters:
     It does not know its car's gains; these values suit all of them.
     """
 
-    lookahead: Array | float = 0.9
-    """Distance of the point that it steers to, at standstill, m."""
-    lookahead_time: Array | float = 0.1
-    """What speed adds to that distance, s."""
+    lookahead: Array | float = 1.3
+    """Distance of the point on the line that it steers to, m."""
     top_speed: Array | float = 2.75
     """Speed that it wants on a straight, m/s."""
-    lateral_acceleration: Array | float = 2.0
+    lateral_acceleration: Array | float = 1.4
     """What it allows in a bend, m/s^2."""
     deceleration: Array | float = 3.0
     """How it brakes before a bend, m/s^2."""
     speed_gain: Array | float = 1.2
     """Assumed speed over command."""
-    steering_gain: Array | float = 0.5
-    """Assumed share of the steering scale, the least: a car that turns too little hits the wall."""
+    steering_gain: Array | float = 0.4
+    """Assumed share of the steering scale, below every car's: who turns too little crashes."""
     wheelbase: Array | float = VehicleParameters.front_axle + VehicleParameters.rear_axle
     """m."""
     rear_axle: Array | float = VehicleParameters.rear_axle
@@ -78,13 +75,11 @@ def pursue(
         parameters: Of the driver.
     """
     p = parameters or PursuitParameters()
-    speed = jnp.maximum(car.speed, 0.0)
-    ahead = p.lookahead + p.lookahead_time * speed
-    target = pose_at(track, s + ahead)
+    target = pose_at(track, s + p.lookahead)
     heading = jnp.stack([jnp.cos(car.yaw), jnp.sin(car.yaw)])
     to_target = target[:2] - (car.position - p.rear_axle * heading)
     sideways = heading[0] * to_target[1] - heading[1] * to_target[0]
-    curvature = 2 * sideways / jnp.maximum(jnp.sum(to_target**2), ahead**2 / 4)
+    curvature = 2 * sideways / jnp.maximum(jnp.sum(to_target**2), p.lookahead**2 / 4)
     angle = jnp.arctan(p.wheelbase * curvature)
     steering = jnp.clip(angle / (STEERING_SCALE * p.steering_gain), -1.0, 1.0)
     turning = jnp.sqrt(p.lateral_acceleration / jnp.maximum(jnp.abs(curvature), _STRAIGHT))

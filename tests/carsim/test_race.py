@@ -1,0 +1,280 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from hprs.carsim.actuators import Command
+from hprs.carsim.collision import touches_car, touches_wall
+from hprs.carsim.designs import load_track
+from hprs.carsim.drivers import pursue
+from hprs.carsim.leader import follow_the_gap, sample_leader
+from hprs.carsim.lidar import BEAMS, beam_angles
+from hprs.carsim.packed import layout_of
+from hprs.carsim.race import (
+    CONTROL_STEP,
+    GRID,
+    LEAST_GAP,
+    Settings,
+    World,
+    clearance,
+    lead_distance,
+    reset,
+    step,
+)
+from hprs.carsim.randomisation import ranges
+from hprs.carsim.track import Track, stack_tracks
+
+# Compiled once for all tests.
+RESET = jax.jit(reset)
+STEP = jax.jit(step)
+NAMES = [(name, reverse) for name in ("gm", "trt", "gm-c") for reverse in (False, True)]
+
+
+@pytest.fixture(scope="module")
+def all_tracks() -> Track:
+    return jax.tree.map(jnp.asarray, stack_tracks([load_track(n, reverse=r) for n, r in NAMES]))
+
+
+@pytest.fixture(scope="module")
+def gm(all_tracks) -> Track:
+    # Of the shapes of all the tracks, so that compilations are shared.
+    return one(all_tracks, 0)
+
+
+def one(tree, index):
+    return jax.tree.map(lambda leaf: leaf[index], tree)
+
+
+def keys(number, seed=0):
+    return jax.random.split(jax.random.key(seed), number)
+
+
+def straight(steering=0.0, speed=1.5) -> Command:
+    return Command(jnp.float32(steering), jnp.float32(speed))
+
+
+def driven_by(driver, key, track, settings, steps):
+    """First world, and at every control step whether car 0 hit something, its distance and clearance."""
+    world = reset(key, track, settings)
+
+    def control(world, chance):
+        world = step(world, track, driver(world, track, chance))
+        return world, (
+            world.hit_wall[0] | world.hit_car,
+            world.distance[0],
+            clearance(world, track)[0],
+        )
+
+    return world, jax.lax.scan(control, world, jax.random.split(key, steps))[1]
+
+
+def on_every_track(driver, settings, number, steps):
+    run = jax.vmap(partial(driven_by, driver, settings=settings, steps=steps), (0, None))
+    return jax.jit(jax.vmap(run, (None, 0)))
+
+
+def pursuing(world, track, chance):
+    return pursue(one(world.cars, 0), world.progress[0], track)
+
+
+def saturated(world, track, chance):
+    steering, speed = jax.random.bernoulli(chance, shape=(2,))
+    return Command(jnp.where(steering, 1.0, -1.0), jnp.where(speed, 3.5, 0.0))
+
+
+@pytest.mark.parametrize("start", ["random", "grid"])
+def test_the_pursuing_driver_laps_every_track_both_ways_from_100_of_100_starts(all_tracks, start):
+    run = on_every_track(pursuing, Settings(start=start), 100, 300)
+    _, (hit, distance, clear) = run(keys(100, seed=1), all_tracks)
+    assert not np.asarray(hit).any()
+    assert np.asarray(clear).min() > 0.2
+    assert (np.asarray(distance)[:, :, -1] > np.asarray(all_tracks.length)[:, None]).all()
+
+
+def test_a_saturated_random_driver_crashes(all_tracks):
+    _, (hit, _, _) = on_every_track(saturated, Settings(), 20, 300)(keys(20), all_tracks)
+    assert np.asarray(hit)[:, :, -1].all()
+
+
+def test_the_leader_drives_20_laps_of_gm_c(all_tracks):
+    def following(key, track, steps=1800):
+        leader = sample_leader(key)
+        angles = jnp.asarray(beam_angles(), jnp.float32)
+
+        def driver(world, track, chance):
+            return follow_the_gap(world.scan, angles, parameters=leader)
+
+        return driven_by(driver, key, track, Settings(), steps)[1]
+
+    tracks = jax.tree.map(lambda leaf: leaf[4:], all_tracks)
+    hit, distance, _ = jax.jit(jax.vmap(jax.vmap(following, (0, None)), (None, 0)))(keys(5), tracks)
+    assert not np.asarray(hit).any()
+    assert (np.asarray(distance)[:, :, -1] > 20 * np.asarray(tracks.length)[:, None]).all()
+
+
+def test_a_leader_that_is_car_1_laps_too(all_tracks):
+    def waiting(key, track):
+        world = reset(key, track, Settings(cars=2))
+        world, gaps = jax.lax.scan(
+            lambda w, _: (lambda v: (v, lead_distance(v)))(step(w, track, straight(speed=0.0))),
+            world,
+            length=40,
+        )
+        return world, gaps
+
+    tracks = jax.tree.map(lambda leaf: leaf[4:], all_tracks)
+    world, gaps = jax.jit(jax.vmap(jax.vmap(waiting, (0, None)), (None, 0)))(keys(10), tracks)
+    assert not np.asarray(world.hit_wall).any()
+    assert not np.asarray(world.hit_car).any()
+    assert (np.diff(np.asarray(gaps), axis=-1) <= 1e-4).all()
+    np.testing.assert_allclose(gaps[..., -1], -(world.gap + world.distance[..., 1]), atol=1e-4)
+    assert np.asarray(world.distance)[..., 1].min() > 3.0
+
+
+def test_a_batch_equals_its_worlds_one_by_one(all_tracks):
+    settings = Settings(cars=2)
+    batch = jax.jit(jax.vmap(reset, (0, 0, None)))(keys(6), all_tracks, settings)
+    together = jax.jit(jax.vmap(step, (0, 0, None)))
+    worlds = [RESET(keys(6)[i], one(all_tracks, i), settings) for i in range(6)]
+    for _ in range(5):
+        batch = together(batch, all_tracks, straight(0.3))
+        worlds = [STEP(world, one(all_tracks, i), straight(0.3)) for i, world in enumerate(worlds)]
+    for i, world in enumerate(worlds):
+        jax.tree.map(
+            partial(np.testing.assert_allclose, rtol=1e-3, atol=2e-4), one(batch, i), world
+        )
+
+
+def test_the_same_key_gives_the_same_numbers_and_another_one_does_not(gm):
+    run = jax.jit(partial(driven_by, pursuing, settings=Settings(), steps=300))
+    first, again, other = run(keys(2)[0], gm), run(keys(2)[0], gm), run(keys(2)[1], gm)
+    jax.tree.map(np.testing.assert_array_equal, first, again)
+    assert first[0].parameters.vehicle.mass[0] != other[0].parameters.vehicle.mass[0]
+    assert first[0].progress[0] != other[0].progress[0]
+
+
+def test_a_control_step_is_a_tenth_of_a_second(gm):
+    assert pytest.approx(0.1) == CONTROL_STEP
+    world = RESET(keys(1)[0], gm, Settings(start="grid", ranges=ranges("nominal")))
+    for _ in range(5):
+        world = STEP(world, gm, straight())
+    before = world.distance[0]
+    world = STEP(world, gm, straight())
+    assert world.steps == 6
+    assert float((world.distance[0] - before) / world.cars.speed[0]) == pytest.approx(0.1, rel=0.05)
+
+
+def test_a_car_that_touches_a_wall_stands_at_the_step_of_contact(gm):
+    world = RESET(keys(1)[0], gm, Settings(start="grid"))
+    for _ in range(40):
+        world = STEP(world, gm, straight(1.0, 3.5))
+    assert world.hit_wall[0]
+    assert touches_wall(gm, one(world.cars, 0))
+    after = STEP(world, gm, straight(-1.0, 3.5))
+    jax.tree.map(np.testing.assert_array_equal, after.cars, world.cars)
+    assert abs(after.distance[0] - world.distance[0]) < 1e-5
+
+
+def test_cars_that_touch_each_other_stand(gm):
+    world = RESET(keys(1)[0], gm, Settings(cars=2, start="grid"))
+    ahead = one(world.cars, 1)
+    x = world.cars.x.at[0].set(ahead.x - 0.9 * jnp.cos(ahead.yaw))
+    y = world.cars.y.at[0].set(ahead.y - 0.9 * jnp.sin(ahead.yaw))
+    yaw = world.cars.yaw.at[0].set(ahead.yaw)
+    world = replace(
+        world, cars=replace(world.cars, x=x, y=y, yaw=yaw), leader=replace(world.leader, base_speed=0.0, variable_speed=0.0)
+    )  # fmt: skip
+    world = replace(world, leader_command=straight(speed=0.0))
+    for _ in range(10):
+        world = STEP(world, gm, straight(speed=3.5))
+    assert world.hit_car
+    assert touches_car(one(world.cars, 0), one(world.cars, 1))
+    assert not world.hit_wall.any()
+    after = STEP(world, gm, straight())
+    jax.tree.map(np.testing.assert_array_equal, after.cars, world.cars)
+
+
+def test_a_leader_that_crashed_does_not_stop_the_other_car(gm):
+    world = RESET(keys(1)[0], gm, Settings(cars=2, start="grid"))
+    world = replace(world, hit_wall=jnp.array([False, True]))
+    after = STEP(world, gm, straight())
+    assert after.cars.speed[0] > 0
+    assert after.cars.speed[1] == 0
+
+
+@pytest.mark.parametrize("cars", [1, 2])
+def test_random_starts_are_clear_all_over_the_track_and_head_along_it(all_tracks, cars):
+    start = jax.jit(
+        jax.vmap(jax.vmap(partial(reset, settings=Settings(cars=cars)), (0, None)), (None, 0))
+    )
+    worlds = start(keys(300), all_tracks)
+    clear = jax.jit(jax.vmap(jax.vmap(clearance, (0, None))))(worlds, all_tracks)
+    room = (
+        jnp.minimum(jnp.min(all_tracks.left, 1), jnp.min(all_tracks.right, 1))
+        / all_tracks.max_clearance
+    )
+    # Near a bend the wall to the side is not the nearest one.
+    assert (np.asarray(clear).min(axis=(1, 2)) > np.minimum(0.5, np.asarray(room)) - 0.1).all()
+    assert not np.asarray(worlds.hit_wall).any()
+    share = np.asarray(worlds.progress[..., 0] / all_tracks.length[:, None])
+    counts = np.stack([np.histogram(row, bins=10, range=(0, 1))[0] for row in share])
+    assert counts.min() > 10
+    if cars == 2:
+        assert np.asarray(worlds.gap).min() > LEAST_GAP - 0.2
+        assert (np.asarray(worlds.gap) < 0.2 * np.asarray(all_tracks.length)[:, None] + 0.3).all()
+
+
+@pytest.mark.parametrize("cars", [1, 2])
+def test_a_grid_start_is_at_its_places_whatever_the_key(gm, cars):
+    for key in keys(3):
+        world = RESET(key, gm, Settings(cars=cars, start="grid"))
+        np.testing.assert_allclose(world.progress, [place[0] for place in GRID[cars]], atol=1e-2)
+        assert (world.cars.speed == 0).all()
+
+
+def test_readings_are_noisy_as_the_parameters_say(gm):
+    exact = RESET(keys(1)[0], gm, Settings(start="grid", ranges=ranges("nominal")))
+    quiet = replace(
+        exact.parameters, sensors=jax.tree.map(jnp.zeros_like, exact.parameters.sensors)
+    )
+    measured = STEP(replace(exact, parameters=quiet), gm, straight())
+    noisy = STEP(exact, gm, straight())
+    ratio = np.asarray(noisy.scan / measured.scan)
+    assert ratio.shape == (BEAMS,)
+    assert 0.969 < ratio.min() < 0.98
+    assert 1.02 < ratio.max() < 1.031
+    assert measured.velocity == measured.cars.speed[0] * jnp.cos(measured.cars.slip[0])
+    assert 0 < abs(noisy.velocity - measured.velocity) < 0.1
+
+
+def test_a_packed_world_steps_as_an_open_one(gm):
+    world = RESET(keys(1)[0], gm, Settings(cars=2))
+    layout = layout_of(world)
+
+    @jax.jit
+    def packed_step(packed, track, command):
+        return layout.pack(step(layout.unpack(packed), track, Command(command[0], command[1])))
+
+    packed = jax.jit(layout.pack)(world)
+    for _ in range(3):
+        packed = packed_step(packed, gm, np.array([0.2, 1.5], np.float32))
+        world = STEP(world, gm, straight(0.2))
+    read = layout.read(packed)
+    assert isinstance(read, World)
+    jax.tree.map(partial(np.testing.assert_allclose, rtol=1e-4, atol=1e-4), read, world)
+    np.testing.assert_array_equal(read.key, world.key)
+
+
+def test_worlds_in_double_precision_stay_in_it():
+    with jax.enable_x64(True):
+        track = jax.tree.map(jnp.asarray, load_track("gm-c", dtype=np.float64))
+        world = RESET(jax.random.key(0), track, Settings(cars=2))
+        after = STEP(world, track, Command(jnp.float64(0.1), jnp.float64(1.0)))
+        for before, leaf in zip(jax.tree.leaves(world), jax.tree.leaves(after), strict=True):
+            assert leaf.dtype == before.dtype
+            assert leaf.dtype != np.float32
