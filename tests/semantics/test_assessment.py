@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from hprs import assess, parse_task, summarise
-from hprs.errors import TraceError
+from hprs.errors import UsageError
 from hprs.semantics.assessment import (
     Assessment,
     Tally,
@@ -24,7 +24,6 @@ from hprs.semantics.assessment import (
 )
 from hprs.semantics.evaluation import evaluate, evaluate_floats
 from hprs.semantics.plan import plan_of
-from hprs.spec.task import Task
 from tests.semantics.random_tasks import random_signals, random_task
 
 SIGNALS = "signal x in [-1, 1]\nsignal y in [-1, 1]\n"
@@ -33,6 +32,9 @@ RACE = (
 )
 PARK = RACE.replace("achieve", "conquer")
 FREE = SIGNALS + "ensure e: y >= -0.5\nencourage c: y >= 0"
+
+
+GOOD = {"x": [0.0, 0.0], "y": [0.0, 0.0]}
 
 
 def fields(assessment: Assessment) -> dict[str, Any]:
@@ -243,8 +245,11 @@ def test_summary_by_hand() -> None:
 
 def test_a_summary_needs_an_episode() -> None:
     for nothing in ([], iter(())):
-        with pytest.raises(ValueError, match="there is no episode to summarise"):
+        with pytest.raises(UsageError, match="there is no episode to summarise"):
             summarise(nothing)
+    for wrong in (3, [3], "log"):
+        with pytest.raises(UsageError, match=r"assessments are summarised, as of hprs\.assess; got"):
+            summarise(wrong)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("text", [RACE, FREE, SIGNALS + "ensure e: y >= -0.5"])
@@ -264,7 +269,7 @@ def test_every_episode_of_a_batch_counts_in_a_summary(text: str, convert: Any) -
 
 
 def test_episodes_of_different_tasks_have_no_summary() -> None:
-    with pytest.raises(ValueError, match="of tasks with different requirements"):
+    with pytest.raises(UsageError, match="of tasks with different requirements"):
         summarise([assess(parse_task(text), GOOD) for text in (RACE, FREE)])
 
 
@@ -283,67 +288,26 @@ def test_padding_under_jit_and_vmap() -> None:
         padded(jnp.asarray([6, 9]), counts[:, None])
 
 
-GOOD = {"x": [0.0, 0.0], "y": [0.0, 0.0]}
-BAD_TRACES = [
-    ({"x": [0.0, 0.0]}, "the trace has no signal 'y'; it has x"),
-    (GOOD | {"x": [0.0] * 3}, r"the signals of the trace differ in length: \{'x': 3, 'y': 2\}"),
-    (GOOD | {"y": [0.0, float("nan")]}, "signal 'y' is NaN at step 1 of the trace"),
-    ({"x": [0.0], "y": [0.0]}, "the trace needs the initial state and at least one step"),
-    ({"x": 0.0, "y": 0.0}, "the trace needs the initial state and at least one step"),
-    (
-        GOOD | {"y": [0.0, "fast"]},
-        "in the trace, signal 'y' must hold numbers, but is 'fast' at step 1",
-    ),
-    (
-        GOOD | {"y": np.asarray(["0", "fast"])},
-        "signal 'y' must hold numbers, but is .*'fast'.* at step 1",
-    ),
-    (GOOD | {"y": [0.0, {}]}, "signal 'y' must hold numbers, but is {} at step 1"),
-    (GOOD | {"y": "log"}, "signal 'y' must hold numbers, but is 'log'"),
-    (GOOD | {"y": object()}, "signal 'y' must hold numbers, but is <object"),
-    (GOOD | {"y": [0.0, None]}, "signal 'y' is NaN at step 1 of the trace"),
-    (
-        GOOD | {"y": [[0.0, 0.0], [0.0, 0.0], [0.0]]},
-        r"signal 'y' has shape \(1,\) at step 2, after shape \(2,\)",
-    ),
-    ([0.0, 0.0], r"a trace maps names of signals to values over time, got \[0.0, 0.0\]"),
-    (
-        GOOD | {"x": np.zeros((2, 2))},
-        r"signal 'y' has shape \(2,\) in the trace, .* 'x' of shape \(2, 2\)",
-    ),
-]
-
-
-@pytest.mark.parametrize(("trace", "message"), BAD_TRACES)
-def test_traces_that_cannot_be_assessed(trace: dict[str, Any], message: str) -> None:
-    with pytest.raises(TraceError, match=message):
-        assess(parse_task(RACE), trace)
-
-
-def test_what_numpy_can_read_is_a_trace() -> None:
-    class Column:
-        """As a column of a table."""
-
-        shape = (2,)
-
-        def to_numpy(self) -> None: ...
-
-        def __array__(self, dtype: Any = None, copy: Any = None) -> Any:
-            return np.asarray([0.0, 0.6], dtype)
-
+def test_a_trace_is_assessed_under_jit_and_vmap() -> None:
     task = parse_task(RACE)
-    y = [0, True]
-    for x in (["0", "0.6"], (0.0, 0.6), np.asarray([0.0, 0.6], object), Column()):
-        assert assess(task, {"x": x, "y": y}).pam == 1.75
+
+    def found(trace: dict[str, Any]) -> dict[str, Any]:
+        whole = vars(assess(task, trace, max_length=8))
+        assert whole["outside"] == {}
+        return whole
+
+    x = np.random.default_rng(1).uniform(-2.0, 2.0, (6, 3))
+    trace = {"x": jnp.asarray(x), "y": jnp.asarray(0.5 * x)}
+    expected = assess(task, trace, max_length=8)
+    agree(Assessment(**jax.jit(found)(trace)), expected)
+    agree(Assessment(**jax.vmap(found, in_axes=1)(trace)), expected)
+    one = {name: column[:, 0] for name, column in trace.items()}
+    agree(Assessment(**jax.jit(found)(one)), assess(task, one, max_length=8))
+    assert expected.outside.keys() == {"x"}
 
 
-def test_a_vector_of_another_length_cannot_be_assessed() -> None:
-    task = parse_task("signal p[3] in [0, 1]\nencourage c: max(p) <= 0.5")
-    for value in (np.zeros((4, 2)), np.zeros(4)):
-        with pytest.raises(TraceError, match="signal 'p' has 3 components"):
-            assess(task, {"p": value})
-
-
-def test_a_task_without_signals_has_no_trace() -> None:
-    with pytest.raises(TraceError, match="the trace needs the initial state"):
-        assess(Task(), {})
+@pytest.mark.parametrize("wrong", ["5", 1.5, -1, 0, True, jnp.asarray([3])])
+def test_the_longest_length_is_a_whole_number(wrong: Any) -> None:
+    with pytest.raises(UsageError, match="max_length is a number of steps, at least 1, or None; g"):
+        assess(parse_task(RACE), GOOD, max_length=wrong)
+    assert assess(parse_task(RACE), GOOD, max_length=np.int64(2)).length == 1  # type: ignore[arg-type]

@@ -12,14 +12,17 @@ import operator
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
-from typing import Any, NamedTuple, TypeAlias
+from numbers import Integral
+from typing import Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
 
+from hprs.errors import UsageError
 from hprs.semantics.evaluation import Signals, evaluate_arrays
 from hprs.semantics.plan import Plan, plan_of
 from hprs.semantics.trace import check_trace, count_outside
-from hprs.spec.namespace import Array, both, namespace_of, select
+from hprs.spec.misuse import shown
+from hprs.spec.namespace import Array, both, namespace_of, select, truth
 from hprs.spec.task import Task, require_task
 
 SAFE, ACCOMPLISHED, COMFORT_SHARE = 1.0, 1.5, 0.25
@@ -159,6 +162,7 @@ def conclude(
 
     Raises:
         ValueError: The episode is longer than `max_length`; under `jax.jit` comfort is NaN then.
+        UsageError: `max_length` is no whole number of at least 1.
     """
     steps = tally.steps
     divisor = steps if max_length is None else _padded(steps, max_length)
@@ -181,14 +185,18 @@ def conclude(
     )
 
 
-def _padded(steps: Any, max_length: int) -> Any:
+def _padded(steps: Any, max_length: Any) -> Any:
     """`max_length`, if no episode is longer."""
+    if isinstance(max_length, bool) or not isinstance(max_length, Integral) or max_length < 1:
+        raise UsageError(
+            f"max_length is a number of steps, at least 1, or None; got {shown(max_length)}."
+        )
     too_long = steps > max_length
-    try:
-        if not (too_long if isinstance(too_long, bool) else bool(too_long.any())):
-            return max_length
-    except TypeError:  # a traced array has no value yet
+    found = too_long if isinstance(too_long, bool) else truth(too_long.any())
+    if found is None:
         return select(too_long, math.nan, float(max_length))
+    if not found:
+        return max_length
     longest = int(np.asarray(steps).max())
     raise ValueError(f"an episode has {longest} steps, more than max_length={max_length}.")
 
@@ -196,13 +204,19 @@ def _padded(steps: Any, max_length: int) -> Any:
 def assess(task: Task, trace: Signals, *, max_length: int | None = None) -> Assessment:
     """Assess a whole trace, or a batch of traces of the same length.
 
+    NumPy's arrays and lists are computed in float64, as by the wrappers; arrays of JAX and PyTorch
+    in their own precision. Under `jax.jit` values are not looked at: NaN is not refused, and
+    `outside` is empty.
+
     Args:
         task: The task.
         trace: Signal name to values, s_0 first; time on the first axis, batch axes after it.
         max_length: See `conclude`.
 
     Raises:
-        TraceError: A signal is missing, NaN or no number, lengths differ, or there is not one step.
+        TraceError: A signal is missing, NaN or no number, lengths differ, there is not one step, or
+            the task reads no signal.
+        UsageError, ValueError: See `conclude`.
     """
     plan = plan_of(require_task(task))
     values = check_trace(plan, trace)
@@ -246,14 +260,14 @@ def summarise(assessments: Assessment | Iterable[Assessment]) -> Summary:
         assessments: Their assessments; each episode of a batch counts as one.
 
     Raises:
-        ValueError: There are none, or they are of tasks with different requirements.
+        UsageError: There are none, or they are of tasks with different requirements.
     """
-    found = [assessments] if isinstance(assessments, Assessment) else list(assessments)
+    found = _listed(assessments)
     if not found:
-        raise ValueError("there is no episode to summarise.")
+        raise UsageError("there is no episode to summarise.")
     labels = found[0].requirements.keys()
     if any(other.requirements.keys() != labels for other in found):
-        raise ValueError("these episodes are of tasks with different requirements.")
+        raise UsageError("these episodes are of tasks with different requirements.")
     pam = _episodes(a.pam for a in found)
     comfort: _Numbers = accomplished_comfort(pam)
     return Summary(
@@ -267,6 +281,16 @@ def summarise(assessments: Assessment | Iterable[Assessment]) -> Summary:
         },
         episodes=len(pam),
     )
+
+
+def _listed(given: object) -> list[Assessment]:
+    found = [given]
+    if isinstance(given, Iterable) and not isinstance(given, str):
+        found = list(cast("Iterable[object]", given))
+    for one in found:
+        if not isinstance(one, Assessment):
+            raise UsageError(f"assessments are summarised, as of hprs.assess; got {shown(one)}.")
+    return cast("list[Assessment]", found)
 
 
 def _episodes(values: Iterable[Any]) -> _Numbers:
@@ -292,7 +316,10 @@ def _plain(assessment: Assessment) -> Assessment:
     """Scalars instead of arrays of no dimension."""
 
     def scalar(value: Any) -> Any:
-        return value.item() if getattr(value, "ndim", None) == 0 else value
+        try:
+            return value.item() if getattr(value, "ndim", None) == 0 else value
+        except TypeError:  # under jax.jit
+            return value
 
     def scalars(values: Mapping[str, Any]) -> dict[str, Any]:
         return {name: scalar(value) for name, value in values.items()}

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from decimal import Decimal
+from numbers import Real
 from typing import Any, cast
 
 import numpy as np
@@ -10,7 +12,7 @@ import numpy as np
 from hprs.errors import TraceError
 from hprs.semantics.evaluation import Signals
 from hprs.semantics.plan import Plan
-from hprs.spec.namespace import Array, namespace_of
+from hprs.spec.namespace import Array, namespace_of, truth
 from hprs.spec.task import Task
 
 
@@ -25,27 +27,52 @@ def check_trace(plan: Plan, trace: Signals) -> dict[str, Array]:
     for name in plan.signals:
         if name not in trace:
             raise TraceError(f"the trace has no signal '{name}'; it has {', '.join(trace)}.")
+    if not plan.signals:
+        raise TraceError("the task reads no signal, so that a trace says nothing of it.")
     values = {name: _numbers(name, trace[name]) for name in plan.signals}
     xp = namespace_of(values.values())
     _check_shapes(plan, {name: tuple(value.shape) for name, value in values.items()})
     for name, value in values.items():
         unknown = xp.isnan(value * 1.0)
-        if xp.any(unknown):
+        if truth(xp.any(unknown)):
             step = int(np.argwhere(np.asarray(unknown))[0][0])
             raise TraceError(f"signal '{name}' is NaN at step {step} of the trace.")
     return values
 
 
 def _numbers(name: str, value: Any) -> Array:
-    """An array of numbers; those of NumPy, JAX and PyTorch pass as they are."""
-    # Tables have columns with a shape, which are no arrays, and NumPy has arrays of no numbers.
-    kind = getattr(getattr(value, "dtype", None), "kind", "f")
-    if hasattr(value, "shape") and not hasattr(value, "to_numpy") and kind in "fiub":
+    """An array of numbers: float64 of NumPy, or an array of JAX or PyTorch as it is."""
+    if isinstance(value, np.ma.MaskedArray):
+        raise TraceError(
+            f"in the trace, signal '{name}' is a masked array. Fill or drop what is masked."
+        )
+    # Tables have columns with a shape, which are no arrays.
+    if hasattr(value, "shape") and not hasattr(value, "to_numpy") and _is_foreign(value):
         return value
     try:
-        return np.asarray(value, dtype=float)
+        return _as_numpy(value)
     except (TypeError, ValueError):
         raise TraceError(f"in the trace, signal '{name}' {_first_wrong(value)}.") from None
+
+
+def _is_foreign(value: Any) -> bool:
+    """Whether it is an array of real numbers that is not NumPy's."""
+    try:
+        xp = namespace_of((value,))
+    except TypeError:
+        return False
+    return xp is not np and xp.isdtype(value.dtype, ("bool", "integral", "real floating"))
+
+
+def _as_numpy(value: Any) -> Array:
+    # Wrappers compute in float64 too: 0.05 is less than the float32 nearest to it.
+    found: Any = np.asarray(value)
+    real = found.dtype.kind in "fiub" or (
+        found.dtype.kind == "O" and all(isinstance(one, Real | Decimal) for one in found.flat)
+    )
+    if not real:
+        raise TypeError
+    return found.astype(np.float64, copy=False)
 
 
 def _first_wrong(value: Any) -> str:
@@ -54,7 +81,7 @@ def _first_wrong(value: Any) -> str:
     listed = isinstance(value, Iterable) and not isinstance(value, str)
     for step, state in enumerate(cast("Iterable[Any]", value) if listed else ()):
         try:
-            found = np.asarray(state, dtype=float).shape
+            found = _as_numpy(state).shape
         except (TypeError, ValueError):
             return f"must hold numbers, but is {state!r:.80} at step {step}"
         if shape not in (None, found):
@@ -88,7 +115,10 @@ def _check_shapes(plan: Plan, shapes: Mapping[str, tuple[int, ...]]) -> None:
 
 
 def count_outside(task: Task, values: Mapping[str, Array]) -> dict[str, Any]:
-    """Signal name to the number of states in which it left its range; only those that did."""
+    """Signal name to the number of states in which it left its range; only those that did.
+
+    Under `jax.jit` nothing can be left out or in by its value, and the counts are empty.
+    """
     found: dict[str, Any] = {}
     for signal in task.signals:
         if signal.name in values:
@@ -97,6 +127,6 @@ def count_outside(task: Task, values: Mapping[str, Array]) -> dict[str, Any]:
             if signal.length is not None:
                 left = namespace_of((left,)).any(left, axis=-1)
             count = left.sum(0)
-            if count.any():
+            if truth(count.any()):
                 found[signal.name] = count
     return found

@@ -45,6 +45,14 @@ def as_floating(value: Array, xp: ModuleType) -> Array:
     return value if xp.isdtype(value.dtype, "real floating") else value * 1.0
 
 
+def truth(condition: Array) -> bool | None:
+    """Whether a condition holds; None under `jax.jit`, where it has no value yet."""
+    try:
+        return bool(condition)
+    except TypeError:
+        return None
+
+
 def select(condition: Array, if_true: Array, if_false: Array) -> Array:
     """`where` for arrays, a plain choice for a plain condition."""
     if isinstance(condition, bool):
