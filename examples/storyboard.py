@@ -3,12 +3,14 @@
 Examples:
   python examples/storyboard.py hprs/CartPole-v0 --policy random --out picture.png
   python examples/storyboard.py runs/hprs-CartPole-v0/hprs-ppo-1a2b3c4d/seed-0 --out picture.png
+  python examples/storyboard.py hprs/BipedalWalker-v0 --policy zero --env goal=40 --out picture.png
 
 The pages in docs/environments say which command made theirs.
 """
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 from collections.abc import Mapping, Sequence
@@ -19,10 +21,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from hprs.errors import HprsError, UsageError
-from hprs.training.environment import find_task, make_environment, require
+from hprs.spec.task import Task
+from hprs.training import files
+from hprs.training.algorithms import parse_settings
+from hprs.training.environment import check_options, find_task, make_environment, require
 from hprs.training.evaluation import FINAL_SEEDS
 from hprs.training.policies import Policy, RandomPolicy, do_nothing, import_policy
-from hprs.training.run_directory import RunDirectory, Which
+from hprs.training.run_directory import Which, find_runs
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -50,8 +55,15 @@ class Storyboard:
     """Where the picture goes."""
     policy: Annotated[str | None, tyro.conf.arg(metavar="POLICY", help_behavior_hint="")] = None
     """zero, random, or module:function."""
-    which: Which = "best"
+    which: Which = "last"
     """The policy of a run."""
+    options: Annotated[
+        tyro.conf.UseAppendAction[tuple[str, ...]],
+        tyro.conf.arg(name="env", metavar="KEY=VALUE"),
+    ] = ()
+    """An option of the environment, as its constructor names it; default: as trained."""
+    horizon: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
+    """End the episode after this many steps; default: as trained, or as registered."""
     seed: Annotated[int, tyro.conf.arg(metavar="N")] = FINAL_SEEDS
     """Seed of the episode."""
     pictures: Annotated[int, tyro.conf.arg(metavar="N")] = 8
@@ -72,6 +84,8 @@ class Moment:
 def main(storyboard: Storyboard) -> None:
     """Play the episode and draw it."""
     require("PIL", "report")
+    if not storyboard.out.parent.is_dir():
+        raise UsageError(f"there is no folder '{storyboard.out.parent}' for the picture.")
     # Pygame draws into memory; no window is needed.
     os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
     environment, policy = make(storyboard)
@@ -81,27 +95,50 @@ def main(storyboard: Storyboard) -> None:
     steps = storyboard.steps or [round(i * last / (count - 1)) for i in range(count)]
     if not all(0 <= step <= last for step in steps):
         raise UsageError(f"the episode has the steps 0 to {last}; --steps asks for {steps}.")
-    draw([moments[step] for step in steps]).save(storyboard.out, optimize=True)
+    picture = io.BytesIO()
+    draw([moments[step] for step in steps]).save(picture, format="png", optimize=True)
+    with files.writing(storyboard.out):
+        storyboard.out.write_bytes(picture.getvalue())
     print(f"{storyboard.out}: steps {', '.join(map(str, steps))} of {last}")
 
 
 def make(storyboard: Storyboard) -> tuple[TaskWrapper, Policy]:
     """The environment with its task, and the policy."""
+    options = parse_settings(storyboard.options, "--env")
     if storyboard.policy is None:
         from hprs.training import sb3
-        from hprs.training.environment import make_configured
 
-        run = RunDirectory(Path(storyboard.subject))
-        environment = make_configured(run.configuration, render_mode="rgb_array")
-        return environment, sb3.load_policy(run, storyboard.which)
+        runs = find_runs(Path(storyboard.subject))
+        if len(runs) > 1:
+            raise UsageError(
+                f"'{storyboard.subject}' holds {len(runs)} seeds; name one, as in {runs[0].path}"
+            )
+        configuration = runs[0].configuration
+        environment = make_drawable(
+            configuration.environment,
+            configuration.task,
+            {**configuration.environment_options, **options},
+            storyboard.horizon or configuration.horizon,
+        )
+        return environment, sb3.load_policy(runs[0], storyboard.which)
     task, _ = find_task(storyboard.subject)
-    environment = make_environment(storyboard.subject, task, render_mode="rgb_array")
+    environment = make_drawable(storyboard.subject, task, options, storyboard.horizon)
     space = environment.action_space
     if storyboard.policy == "zero":
         return environment, do_nothing(space)
     if storyboard.policy == "random":
         return environment, RandomPolicy(space, seed=0)
     return environment, import_policy(storyboard.policy, space)
+
+
+def make_drawable(
+    name: str, task: Task, options: Mapping[str, Any], horizon: int | None
+) -> TaskWrapper:
+    """An environment that gives pictures."""
+    check_options(name, options)
+    return make_environment(
+        name, task, "sparse", horizon=horizon, render_mode="rgb_array", **options
+    )
 
 
 def play(environment: TaskWrapper, policy: Policy, seed: int) -> list[Moment]:

@@ -34,6 +34,23 @@ def test_counts_start_at_one(hprs, option, value):
     assert err == f"hprs: {option} must be at least 1, got {value}.\n"
 
 
+def test_options_and_horizon_make_the_environment_of_a_named_policy(hprs):
+    pytest.importorskip("Box2D")
+    arguments = ("evaluate", "hprs/BipedalWalker-v0", "--policy", "zero", "--episodes", "1")
+    far = ("--env", "goal=55.4", "--horizon", "1000", "--json")
+    code, out, err = hprs(*arguments, *far)
+    assert (code, err) == (0, "")
+    assert json.loads(out)["subject"] == "hprs/BipedalWalker-v0, policy zero"
+    for option, message in (
+        ("goal=99", "goal must lie beyond the start at 4.67 and at most at the end of the field"),
+        ("goal=abc", "goal needs a number, got 'abc'."),
+        ("gaol=5", "hprs/BipedalWalker-v0 has no option 'gaol'. Did you mean 'goal'?"),
+    ):
+        code, out, err = hprs(*arguments, "--env", option)
+        assert (code, out) == (2, "")
+        assert err.startswith(f"hprs: {message}")
+
+
 def test_a_policy_that_cannot_act_exits_with_1(hprs, here):
     (here / "strange_policies.py").write_text("def none(observation):\n    return None\n")
     code, out, err = hprs("evaluate", CART_POLE, "--policy", "strange_policies:none")

@@ -37,7 +37,10 @@ def test_a_complete_run_says_so(hprs):
     [run] = runs()
     code, out, err = hprs("train", "--resume", run)
     assert (code, err) == (0, "")
-    assert out.splitlines()[0] == f"{run} is complete: 64 steps."
+    assert out.splitlines() == [
+        f"{run} is complete: 64 steps.",
+        f"Assess it with: hprs evaluate {run}",
+    ]
 
 
 def test_a_run_in_the_place_of_an_environment_is_pointed_to_resume(hprs):
@@ -73,6 +76,18 @@ def test_options_reach_the_environment_its_evaluation_and_run_json(hprs, mine):
     assert code == 0
     assert "length 0.75" in out
     assert "length 0.5" not in out
+    code, out, err = hprs(
+        "evaluate", run, "--episodes", "1", "--env", "length=1.25", "--env", "name=x"
+    )
+    assert (code, err) == (0, "")
+    assert "length 1.25" in out
+    code, out, err = hprs("evaluate", run, "--episodes", "1", "--env", "leength=1.25")
+    assert (code, out) == (2, "length 0.5\n")
+    assert err == "hprs: my_poles:Pole-v0 has no option 'leength'. Did you mean 'length'?\n"
+    named = ("evaluate", "my_poles:Pole-v0", "--task", "pole.hprs", "--policy", "zero")
+    code, out, err = hprs(*named, "--episodes", "1", "--env", "length=2.5")
+    assert (code, err) == (0, "")
+    assert "length 2.5" in out
     assert hprs(*mine)[0] == 0
     assert len(runs()) == 2, "another option is another configuration"
 

@@ -126,6 +126,21 @@ def test_a_goal_off_the_field_is_refused(goal):
         gym.make(ID, goal=goal)
 
 
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"goal": "abc"}, "goal needs a number, got 'abc'."),
+        ({"goal": [30]}, "goal needs a number, got [30]."),
+        ({"goal": True}, "goal needs a number, got True."),
+        ({"hardcore": "no"}, "hardcore needs true or false, got 'no'."),
+    ],
+)
+def test_options_of_the_wrong_kind_are_refused(options, message):
+    with pytest.raises(UsageError) as error:
+        gym.make(ID, **options)
+    assert str(error.value) == message
+
+
 def test_the_evaluation_of_the_released_code_is_two_options_away():
     env = gym.make(ID, goal=55.4, max_episode_steps=1000)
     assert env.unwrapped.goal == 55.4

@@ -111,6 +111,17 @@ def test_the_published_runs_obstacle_is_one_option_away():
         ),
         ({"obstacle": 0.1}, "obstacle needs two numbers"),
         ({"obstacle": (0.0, 0.1, 0.2)}, "obstacle needs two numbers"),
+        (
+            {"obstacle": "01"},
+            "obstacle needs two numbers in [-2.5, 2.5], the smaller one first, got '01'.",
+        ),
+        ({"obstacle": ["0", "1"]}, "obstacle needs two numbers"),
+        ({"obstacle": (False, True)}, "obstacle needs two numbers"),
+        ({"x_offset": "a"}, "x_offset needs a number, got 'a'."),
+        ({"x_offset": None}, "x_offset needs a number, got None."),
+        ({"x_offset": True}, "x_offset needs a number, got True."),
+        ({"x_offset": 10**400}, "x_offset needs a number, got 1000"),
+        ({"x_offset": float("nan")}, "x_offset must lie in [0, 1), got nan."),
         ({"obstacle_heights": (0.53, 0.46)}, "obstacle_heights needs two numbers"),
         ({"obstacle_heights": (0.4, float("nan"))}, "obstacle_heights needs two numbers"),
         ({"x_offset": -0.1}, "x_offset must lie in [0, 1), got -0.1."),
@@ -120,6 +131,30 @@ def test_wrong_options_are_refused(options, message):
     with pytest.raises(UsageError) as error:
         gym.make(ID, **options)
     assert message in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("obstacle", "heights", "refused"),
+    [
+        ((-0.9, 0.9), (1.3, 1.6), True),
+        ((0.2, 0.4), (1.3, 1.6), True),
+        ((-0.4, -0.2), (1.3, 1.6), True),
+        ((-0.1, 0.1), (1.5, 1.6), True),
+        ((0.23, 0.4), (1.3, 1.6), False),
+        ((-0.4, -0.23), (1.3, 1.6), False),
+        ((-0.9, 0.9), (1.2, 1.3), False),
+        ((-0.9, 0.9), (1.53, 1.6), False),
+    ],
+)
+def test_an_obstacle_where_the_lander_starts_is_refused_and_no_other(obstacle, heights, refused):
+    options = {"obstacle": obstacle, "obstacle_heights": heights}
+    if refused:
+        with pytest.raises(UsageError, match=r"the obstacle reaches where the lander starts, x in"):
+            LunarLanderObstacle(**options)
+        return
+    env = LunarLanderObstacle(**options)
+    for seed in range(40):
+        assert env.reset(seed=seed)[0][12] == 0
 
 
 def test_touching_the_obstacle_with_the_body_ends_the_episode_as_the_ground_does():
@@ -218,7 +253,8 @@ def test_leaving_the_world_is_unsafe_and_ends_the_episode():
         observation, _, terminated, truncated, info = env.step(-action * [-1, 1])
         assert not truncated
     assert abs(observation[0]) >= 1
-    assert info["margins"]["in_world"] <= 0
+    assert not info["assessment"].safe
+    assert info["assessment"].requirements["no_collision"]
     assert observation[12] == 0
 
 

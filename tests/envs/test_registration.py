@@ -8,6 +8,7 @@ from gymnasium.utils.env_checker import check_env
 
 import hprs.envs
 from hprs.envs import BENCHMARKS, register, task_of, task_text_of
+from hprs.envs.registration import benchmark_of
 
 
 def test_registering_twice_changes_nothing():
@@ -61,9 +62,21 @@ def test_a_benchmark_has_a_task_without_remarks(name):
     assert hprs.parse_task(task_text_of(name)) == task
 
 
+@pytest.mark.parametrize("name", BENCHMARKS)
+def test_an_id_with_its_module_is_the_same_benchmark(name):
+    from hprs.training.algorithms import tuning_of
+    from hprs.training.environment import find_task
+
+    named = f"hprs.envs:{name}"
+    assert benchmark_of(named) is BENCHMARKS[name]
+    assert find_task(named) == find_task(name)
+    assert tuning_of(named) == tuning_of(name)
+
+
 def test_an_environment_that_is_not_ours_has_no_task():
     assert task_of("CartPole-v1") is None
     assert task_text_of("CartPole-v1") is None
+    assert benchmark_of("gymnasium:CartPole-v1") is None
 
 
 def test_the_vectorised_cart_pole_agrees_with_the_single_one():

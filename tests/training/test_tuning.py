@@ -1,5 +1,4 @@
 from dataclasses import replace
-from types import MappingProxyType
 
 import pytest
 
@@ -69,7 +68,7 @@ def test_a_wrong_hyper_parameter_in_a_file_is_an_error_with_its_name(
     changed = replace(
         BENCHMARKS["hprs/CartPole-v0"], package=package.name, hyperparameters="mine.toml"
     )
-    monkeypatch.setattr(algorithms, "BENCHMARKS", MappingProxyType({changed.id: changed}))
+    monkeypatch.setattr(algorithms, "benchmark_of", {changed.id: changed}.get)
     with pytest.raises(UsageError) as error:
         sb3.configure("hprs/CartPole-v0")
     assert str(error.value).startswith(message)

@@ -29,6 +29,7 @@ class Evaluate:
     Examples:
       hprs evaluate runs/hprs-CartPole-v0/hprs-ppo-1a2b3c4d/seed-0
       hprs evaluate runs/hprs-CartPole-v0/hprs-ppo-1a2b3c4d --which best --episodes 100
+      hprs evaluate runs/hprs-BipedalWalker-v0/hprs-sac-1a2b3c4d --env goal=55.4 --horizon 1000
       hprs evaluate hprs/CartPole-v0 --policy random
       hprs evaluate CartPole-v1 --task my_task.hprs --policy ppo.zip
       hprs evaluate CartPole-v1 --task my_task.hprs --policy my_module:my_function --json
@@ -45,6 +46,11 @@ class Evaluate:
     constants: Constants = ()
     policy: Annotated[str | None, tyro.conf.arg(metavar="POLICY", help_behavior_hint="")] = None
     """zero, random, a .zip of Stable-Baselines3, or module:function."""
+    options: Annotated[
+        tyro.conf.UseAppendAction[tuple[str, ...]],
+        tyro.conf.arg(name="env", metavar="KEY=VALUE"),
+    ] = ()
+    """An option of the environment, as its constructor names it; default: as trained."""
     horizon: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
     """End episodes after this many steps; default: as trained, or as registered."""
     json: bool = False
@@ -89,7 +95,8 @@ class Evaluate:
         from hprs.errors import did_you_mean
         from hprs.spec.parameters import override, parse_constants
         from hprs.training import sb3
-        from hprs.training.environment import make_environment, read_task
+        from hprs.training.algorithms import parse_settings
+        from hprs.training.environment import check_options, make_environment, read_task
         from hprs.training.policies import check_spaces
         from hprs.training.run_directory import WHICH, find_runs
 
@@ -106,6 +113,10 @@ class Evaluate:
         configuration = runs[0].configuration
         task = read_task(self.task)[0] if self.task else configuration.task
         task = override(task, parse_constants(self.constants), path=self.task or self.subject)
+        given = parse_settings(self.options, "--env")
+        options = {**configuration.environment_options, **given}
+        if given:
+            check_options(configuration.environment, options)
 
         def make() -> TaskWrapper:
             return make_environment(
@@ -113,7 +124,7 @@ class Evaluate:
                 task,
                 "sparse",
                 horizon=self.horizon or configuration.horizon,
-                **configuration.environment_options,
+                **options,
             )
 
         policies = {
@@ -131,12 +142,15 @@ class Evaluate:
 
     def _policy(self) -> tuple[str, Callable[[], TaskWrapper], Mapping[str, Policy]]:
         from hprs.spec.parameters import parse_constants
-        from hprs.training.environment import find_task, make_environment
+        from hprs.training.algorithms import parse_settings
+        from hprs.training.environment import check_options, find_task, make_environment
 
         task, _ = find_task(self.subject, self.task, parse_constants(self.constants))
+        options = parse_settings(self.options, "--env")
+        check_options(self.subject, options)
 
         def make() -> TaskWrapper:
-            return make_environment(self.subject, task, "sparse", horizon=self.horizon)
+            return make_environment(self.subject, task, "sparse", horizon=self.horizon, **options)
 
         environment = make()
         policy = _named_policy(str(self.policy), environment)
@@ -146,9 +160,9 @@ class Evaluate:
     def _is_environment(self) -> bool:
         import gymnasium as gym
 
-        import hprs.envs
+        from hprs.envs.registration import benchmark_of
 
-        return self.subject in gym.registry or self.subject in hprs.envs.BENCHMARKS
+        return self.subject in gym.registry or benchmark_of(self.subject) is not None
 
 
 def _floors(space: Any) -> dict[str, Policy]:

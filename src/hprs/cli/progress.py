@@ -30,10 +30,13 @@ class TrainingProgress:
         self._bar: Progress | None = None
         self._task = None
         self._seed, self._total = 0, 0
+        self.trainings = 0
+        """How many trainings have started, or gone on."""
         self._first, self._started, self._drawn = 0, 0.0, 0.0
 
     def started(self, configuration: Configuration, step: int) -> None:
         """Open a bar, or say what starts."""
+        self.trainings += 1
         self._seed, self._total, self._first = configuration.seed, configuration.steps, step
         self._started = time.monotonic()
         if not self._console.is_terminal:

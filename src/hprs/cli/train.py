@@ -62,7 +62,8 @@ class Train:
         tyro.conf.arg(
             metavar="N",
             help_behavior_hint="",
-            help=f"Environment steps; default: what the benchmark needs, else {DEFAULT_STEPS:,}.",
+            help="Environment steps; default: those of the benchmark's file, "
+            f"else {DEFAULT_STEPS:,}.",
         ),
     ] = None
     algorithm: Annotated[
@@ -70,7 +71,8 @@ class Train:
         tyro.conf.arg(
             metavar="NAME",
             help_behavior_hint="",
-            help=f"{', '.join(ALGORITHMS)}; default: {_SUITED}, else ppo.",
+            help=f"{', '.join(ALGORITHMS)}; default: that of the benchmark's file, else {_SUITED}, "
+            "else ppo.",
         ),
     ] = None
     settings: Annotated[
@@ -162,6 +164,7 @@ def _train_all(runs: list[RunDirectory]) -> int:
     listener = TrainingProgress(out, seeds=len(runs))
     whole = runs[0].path if len(runs) == 1 else runs[0].path.parent
     for run in runs:
+        before = listener.trainings
         try:
             complete = sb3.train(run, listener)
         except KeyboardInterrupt:
@@ -169,6 +172,8 @@ def _train_all(runs: list[RunDirectory]) -> int:
         if not complete:
             out.print(f"Stopped. Go on with: hprs train --resume {whole}", soft_wrap=True)
             return 130
-        out.print(f"Wrote {run.path}", soft_wrap=True)
+        # A run that was complete already has said so.
+        if listener.trainings > before:
+            out.print(f"Wrote {run.path}", soft_wrap=True)
     out.print(f"Assess it with: hprs evaluate {whole}", soft_wrap=True)
     return 0

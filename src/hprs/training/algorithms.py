@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
-from hprs.envs.registration import BENCHMARKS
+from hprs.envs.registration import benchmark_of
 from hprs.errors import UsageError, did_you_mean
 from hprs.training.ranges import check_range, check_together, shown
 from hprs.training.schedules import Linear as Linear
@@ -87,7 +87,7 @@ def tuning_of(environment: str) -> Tuning | None:
     Raises:
         UsageError: The benchmark's file is wrong.
     """
-    benchmark = BENCHMARKS.get(environment)
+    benchmark = benchmark_of(environment)
     if benchmark is None:
         return None
     path = f"{benchmark.id}/{benchmark.hyperparameters}"

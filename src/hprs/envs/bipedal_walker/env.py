@@ -8,6 +8,7 @@ import numpy as np
 from gymnasium.utils import EzPickle
 
 from hprs.envs.box2d import Box2D, bipedal_walker
+from hprs.envs.options import number, switch
 from hprs.errors import UsageError
 
 START = bipedal_walker.TERRAIN_STEP * bipedal_walker.TERRAIN_STARTPAD / 2
@@ -30,7 +31,8 @@ class BipedalWalker(bipedal_walker.BipedalWalker):
         goal: The hull's x at the goal, in world units.
 
     Raises:
-        UsageError: The goal does not lie between the start and the end of the field.
+        UsageError: The goal does not lie between the start and the end of the field, or an option
+            is of the wrong kind.
     """
 
     # Gymnasium declares it as optional; after `reset` it is there.
@@ -39,15 +41,15 @@ class BipedalWalker(bipedal_walker.BipedalWalker):
     def __init__(
         self, render_mode: str | None = None, *, hardcore: bool = False, goal: float = 27.7
     ) -> None:
-        super().__init__(render_mode, hardcore)
+        super().__init__(render_mode, switch("hardcore", hardcore))
         # Unpickling calls the constructor with these; Gymnasium has noted its own arguments.
         EzPickle.__init__(self, render_mode, hardcore=hardcore, goal=goal)
-        if not START < goal <= FIELD_END:
+        self.goal = number("goal", goal)
+        if not START < self.goal <= FIELD_END:
             raise UsageError(
                 f"goal must lie beyond the start at {START:.2f} and at most at the end of the "
                 f"field, {FIELD_END:.2f}, got {goal}."
             )
-        self.goal = float(goal)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

@@ -6,7 +6,6 @@ the pad, x = 1 lies 10 world units to the right, y = 1 lies 6.67 world units up.
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from gymnasium import spaces
 from gymnasium.utils import EzPickle
 
 from hprs.envs.box2d import Box2D, lunar_lander
+from hprs.envs.options import edges, number
 from hprs.errors import UsageError
 
 HALF_WIDTH = lunar_lander.VIEWPORT_W / lunar_lander.SCALE / 2
@@ -22,6 +22,10 @@ HALF_HEIGHT = lunar_lander.VIEWPORT_H / lunar_lander.SCALE / 2
 """World units of y = 1."""
 EDGE_LIMIT = 2.5
 """Farthest edge of an obstacle; Gymnasium's own bound of a position."""
+START_REACH = 0.12
+"""How far a lander's legs reach beyond the x that it starts from, in its first frame."""
+START_HEIGHTS = (1.31, 1.52)
+"""What its legs and its body take up of the height there."""
 RED = (204, 41, 41), (128, 20, 20)
 """Colours of the obstacle's face and rim."""
 
@@ -39,7 +43,8 @@ class LunarLanderObstacle(lunar_lander.LunarLander):
         x_offset: The lander starts at an x drawn uniformly from +-x_offset.
 
     Raises:
-        UsageError: The obstacle has no area or lies outside the world, or the offset is negative.
+        UsageError: The obstacle has no area, lies outside the world or where the lander starts, or
+            the offset does not lie in [0, 1).
     """
 
     # Gymnasium declares these as optional or as any space; after `reset` they are what they are.
@@ -64,11 +69,13 @@ class LunarLanderObstacle(lunar_lander.LunarLander):
             obstacle_heights=obstacle_heights,
             x_offset=x_offset,
         )
-        self.left, self.right = _edges("obstacle", obstacle)
-        self.bottom, self.top = _edges("obstacle_heights", obstacle_heights)
-        if not 0 <= x_offset < 1:
+        self.left, self.right = edges("obstacle", obstacle, EDGE_LIMIT)
+        self.bottom, self.top = edges("obstacle_heights", obstacle_heights, EDGE_LIMIT)
+        self.x_offset = number("x_offset", x_offset)
+        if not 0 <= self.x_offset < 1:
             raise UsageError(f"x_offset must lie in [0, 1), got {x_offset}.")
-        self.x_offset = x_offset
+        reach = self.x_offset + START_REACH
+        _refuse_at_start(self.left, self.right, self.bottom, self.top, reach)
         own = self.observation_space
         self.observation_space = spaces.Box(
             np.append(own.low, [-EDGE_LIMIT] * 4 + [0]).astype(np.float32),
@@ -135,14 +142,9 @@ class LunarLanderObstacle(lunar_lander.LunarLander):
         self.drawlist.append(obstacle)
 
 
-def _edges(name: str, given: tuple[float, float]) -> tuple[float, float]:
-    try:
-        low, high = (float(edge) for edge in given)
-    except (TypeError, ValueError):
-        low = high = math.nan
-    if not -EDGE_LIMIT <= low < high <= EDGE_LIMIT:
+def _refuse_at_start(left: float, right: float, bottom: float, top: float, reach: float) -> None:
+    if left <= reach and right >= -reach and bottom <= START_HEIGHTS[1] and top >= START_HEIGHTS[0]:
         raise UsageError(
-            f"{name} needs two numbers in [-{EDGE_LIMIT}, {EDGE_LIMIT}], the smaller one first, "
-            f"got {given}."
+            f"the obstacle reaches where the lander starts, x in +-{reach:.2f} and y in "
+            f"{list(START_HEIGHTS)}: the episode would start with a collision."
         )
-    return low, high
