@@ -78,6 +78,7 @@ def test_a_vector_is_read_from_numbered_columns(hprs, here):
         ("x,v,theta\n1,2,3\n", "trace.csv has 1 row; it needs the initial state and at least one step."),
         ("x,v,thta\n1,2,3\n1,2,3\n", "trace.csv has no column 'theta'; it has x, v, thta. Did you mean 'thta'?"),
         ("x,v,theta\n1,2,3\n1,two,3\n", "trace.csv:3: column 'v' 'two' is not a number."),
+        ("x,v,theta\n1,2,3\n1,1_0,3\n", "trace.csv:3: column 'v' '1_0' is not a number."),
         ("x,v,theta\n1,,3\n1,2,3\n", "trace.csv:2: column 'v' is empty."),
         ("x,v,theta\n\n1,2,3\n1,2,nan\n", "trace.csv:4: column 'theta' is NaN."),
         ("x,v,theta\n1,2,3\n1,2\n", "trace.csv:3: 2 values below 3 column names."),
@@ -91,6 +92,14 @@ def test_a_wrong_trace_exits_with_1_and_says_where(hprs, here, text, message):
         "",
         f"hprs: {message}\n",
     )
+
+
+def test_a_task_that_reads_no_signal_says_so(hprs, here):
+    (here / "idle.hprs").write_text("signal x in [0, 1]\nensure always: 1 > 0\n")
+    (here / "trace.csv").write_text("x\n0\n1\n1\n")
+    assert hprs("assess", "trace.csv", "--task", "idle.hprs") == (
+        1, "", "hprs: the task reads no signal, so that a trace says nothing of it.\n",
+    )  # fmt: skip
 
 
 def test_a_binary_file_is_no_trace(hprs, here):

@@ -34,6 +34,22 @@ def test_check_takes_other_constants(hprs, here):
     )
 
 
+@pytest.mark.parametrize("ending", ["\n", "\r\n", "\r"])
+def test_a_constant_that_cannot_be_meant_shows_the_line(hprs, here, ending):
+    text = "# A mark.\nsignal x in [-3, 3]\nconst mark = 1\nconquer parked: abs(x - mark) <= 0.25\n"
+    (here / "c.hprs").write_bytes(text.replace("\n", ending).encode())
+    code, out, err = hprs("check", "c.hprs", "--const", "mark=100")
+    assert (code, out) == (1, "")
+    assert err.splitlines() == [
+        "c.hprs:4:9: requirement 'parked' can never be satisfied: its margin lies in [-102.75, -96.75]. The threshold 0.25 is outside the range [97, 103]. Here, mark = 100.",
+        "    4 | conquer parked: abs(x - mark) <= 0.25",
+        "      |         ^^^^^^",
+    ]
+    code, _, err = hprs("check", "hprs/CartPole-v0", "--const", "mark=100")
+    assert code == 1
+    assert " | conquer   parked:" in err
+
+
 def test_a_wrong_task_exits_with_1_and_a_caret(hprs, here):
     (here / "wrong.hprs").write_text("signal x = obs[0] in [0, 1]\nensure low: y <= 0.5\n")
     code, out, err = hprs("check", "wrong.hprs")
@@ -74,7 +90,7 @@ def test_check_prints_json_with_null_for_infinity(hprs, here):
         "predicate": "x <= 0.5",
         "low": None,
         "high": None,
-        "below": [],
+        "ranks_below": [],
     }
     assert content["remarks"][0]["message"]
 

@@ -248,7 +248,9 @@ def test_a_summary_needs_an_episode() -> None:
         with pytest.raises(UsageError, match="there is no episode to summarise"):
             summarise(nothing)
     for wrong in (3, [3], "log"):
-        with pytest.raises(UsageError, match=r"assessments are summarised, as of hprs\.assess; got"):
+        with pytest.raises(
+            UsageError, match=r"assessments are summarised, as of hprs\.assess; got"
+        ):
             summarise(wrong)  # type: ignore[arg-type]
 
 

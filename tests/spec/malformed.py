@@ -475,6 +475,24 @@ MALFORMED: dict[str, tuple[Malformed, ...]] = {
             ),
         ),
         Malformed(
+            "A function without its argument",
+            ("signal x in [-5, 5]\nsignal y in [0, 1]\nensure safe: abs <= 1"),
+            (
+                "task.hprs:3:14: abs is a function: write abs(...).\n"
+                "    3 | ensure safe: abs <= 1\n"
+                "      |              ^^^"
+            ),
+        ),
+        Malformed(
+            "A condition on a condition",
+            ("signal x in [-5, 5]\nsignal y in [0, 1]\nensure safe: x <= .5 if y <= 0.2"),
+            (
+                "task.hprs:3:22: there is no 'if' here: conditions are comparisons, joined by `and` and `or`.\n"
+                "    3 | ensure safe: x <= .5 if y <= 0.2\n"
+                "      |                      ^^"
+            ),
+        ),
+        Malformed(
             "A caret for the power",
             ("signal x in [-5, 5]\nsignal y in [0, 1]\nensure safe: x ^ 2 <= 1"),
             (
@@ -1124,6 +1142,15 @@ MALFORMED: dict[str, tuple[Malformed, ...]] = {
                 "task.hprs:2:14: unknown name 'thetta'. Did you mean 'theta'?\n"
                 "    2 | ensure safe: thetta <= 0.5\n"
                 "      |              ^^^^^^"
+            ),
+        ),
+        Malformed(
+            "An overflow in the range",
+            ("signal x in [-1e3, 1e3]\nensure safe: cos(exp(x)) <= 0.5"),
+            (
+                "task.hprs:2:18: the result is too large for a float. Bound it with max(), clip() or `let`.\n"
+                "    2 | ensure safe: cos(exp(x)) <= 0.5\n"
+                "      |                  ^^^^^^"
             ),
         ),
         Malformed(

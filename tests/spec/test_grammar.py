@@ -37,6 +37,27 @@ def test_the_tables_are_those_of_the_grammar() -> None:
         assert errors[0].expected == errors[1].expected
 
 
+@pytest.mark.parametrize(
+    "damaged",
+    [
+        "",
+        "{",
+        "[]",
+        "null",
+        TABLES[:5000],
+        '{"lark": 1}',
+        json.dumps(json.loads(TABLES) | {"data": 3}),
+    ],
+    ids=range(7),
+)
+def test_damaged_tables_are_not_used(damaged: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert grammar.from_tables(GRAMMAR, damaged, None) is None
+    monkeypatch.setattr(
+        grammar, "read", {"grammar.lark": GRAMMAR, "grammar_tables.json": damaged}.get
+    )
+    assert grammar.load_grammar(None).parse(TEXT) == grammar.build(GRAMMAR, None).parse(TEXT)
+
+
 @pytest.mark.parametrize("key", ["lark", "grammar"])
 def test_tables_of_another_grammar_or_version_are_not_used(
     key: str, monkeypatch: pytest.MonkeyPatch

@@ -58,3 +58,13 @@ def test_errors_name_the_file_and_the_line() -> None:
         override(task, {"marc": 1.0}, path="parking.hprs")
     with pytest.raises(SpecError, match=r"parking.hprs:3:9: requirement 'parked' can never"):
         override(task, {"mark": 9.0}, path="parking.hprs")
+
+
+def test_errors_show_the_line_and_the_values() -> None:
+    with pytest.raises(SpecError) as caught:
+        override(parse_task(PARKING), parse_constants(["mark=2 * 50"]), path="p.hprs", text=PARKING)
+    head, line, caret = str(caught.value).splitlines()
+    assert head.startswith("p.hprs:3:9: requirement 'parked' can never be satisfied")
+    assert head.endswith(" Here, mark = 2 * 50.")
+    assert line == "    3 | conquer parked: abs(x - mark) <= 0.25"
+    assert caret == "      |         ^^^^^^"

@@ -56,7 +56,7 @@ def _content(task: Task) -> dict[str, object]:
                 "predicate": format_predicate(requirement.predicate),
                 "low": task.bounds[requirement.label][0],
                 "high": task.bounds[requirement.label][1],
-                "below": _above(task, requirement.label),
+                "ranks_below": _above(task, requirement.label),
             }
             for requirement in task.requirements
         ],

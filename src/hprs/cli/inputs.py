@@ -33,23 +33,29 @@ def task_by_name(name: str, constants: Sequence[str] = ()) -> Task:
         SpecError: The task is wrong, or has no such constant.
     """
     from hprs.spec.parameters import override, parse_constants
+    from hprs.spec.parser import parse_task
+    from hprs.spec.task_file import normalised
 
-    return override(_named(name), parse_constants(constants), path=name)
+    text = _text(name)
+    task = parse_task(text, path=name)
+    if not constants:
+        return task
+    return override(task, parse_constants(constants), path=name, text=normalised(text))
 
 
-def _named(name: str) -> Task:
+def _text(name: str) -> str:
     from pathlib import Path
 
     from hprs.errors import did_you_mean
-    from hprs.spec.parser import load_task
+    from hprs.spec.task_file import read_text
 
     if Path(name).exists():
-        return load_task(name)
-    from hprs.envs.registration import BENCHMARKS, task_of
+        return read_text(name)
+    from hprs.envs.registration import BENCHMARKS, task_text_of
 
-    task = task_of(name)
-    if task is not None:
-        return task
+    text = task_text_of(name)
+    if text is not None:
+        return text
     file = Path(name)
     near = [other.name for other in file.parent.glob("*.hprs")]
     guess = did_you_mean(file.name, near) or did_you_mean(name, BENCHMARKS)

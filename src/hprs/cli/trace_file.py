@@ -96,7 +96,8 @@ def _column(
     values: list[float] = []
     for line, row in rows:
         try:
-            value = float(row[index])
+            # Python reads 1_0 as 10; in a log it is damage.
+            value = float(row[index].replace("_", "?"))
         except ValueError:
             shown = f"'{row[index]}' is not a number" if row[index] else "is empty"
             raise TraceError(f"{path}:{line}: column '{name}' {shown}.") from None

@@ -37,17 +37,20 @@ def build(grammar: str, builder: Any) -> Lark:
 def from_tables(grammar: str, tables: str, builder: Any) -> Lark | None:
     """The parser of a grammar from what `tables_of` returned, in a quarter of the time.
 
-    None where the tables are those of another grammar or of another version of lark.
+    None where the tables are damaged, or those of another grammar or of another version of lark.
     """
-    # JSON has no numbers as keys; lark needs them.
-    content = json.loads(
-        tables, object_hook=lambda o: {int(k) if k.isdigit() else k: v for k, v in o.items()}
-    )
-    if (content["lark"], content["grammar"]) != (lark.__version__, grammar):
+    try:
+        # JSON has no numbers as keys; lark needs them.
+        content = json.loads(
+            tables, object_hook=lambda o: {int(k) if k.isdigit() else k: v for k, v in o.items()}
+        )
+        if (content["lark"], content["grammar"]) != (lark.__version__, grammar):
+            return None
+        # As the parsers do that lark writes as modules; its public `load` takes no transformer.
+        load = cast(Callable[..., Lark], Lark._load_from_dict)  # pyright: ignore[reportPrivateUsage]
+        return load(content["data"], content["memo"], transformer=builder)
+    except (ValueError, TypeError, LookupError, AttributeError):  # they only save time
         return None
-    # As the parsers do that lark writes as modules; its public `load` takes no transformer.
-    load = cast(Callable[..., Lark], Lark._load_from_dict)  # pyright: ignore[reportPrivateUsage]
-    return load(content["data"], content["memo"], transformer=builder)
 
 
 def tables_of(grammar: str) -> str:

@@ -17,7 +17,7 @@ from hprs.spec.expression import (
     Number,
 )
 from hprs.spec.interval import DomainError, Interval
-from hprs.spec.vocabulary import BUILTIN_CONSTANTS, REDUCTIONS
+from hprs.spec.vocabulary import BUILTIN_CONSTANTS, FUNCTIONS, REDUCTIONS
 
 
 class Inferred(NamedTuple):
@@ -85,8 +85,11 @@ class UnknownNameError(SpecValidationError):
 def _unknown(
     name: str, known: Mapping[str, Inferred], position: Position | None
 ) -> UnknownNameError:
-    advice = did_you_mean(name, (*known, *BUILTIN_CONSTANTS))
-    error = UnknownNameError(f"unknown name '{name}'.{advice}", position)
+    if name in FUNCTIONS:
+        message = f"{name} is a function: write {name}(...)."
+    else:
+        message = f"unknown name '{name}'.{did_you_mean(name, (*known, *BUILTIN_CONSTANTS))}"
+    error = UnknownNameError(message, position)
     error.name = name
     return error
 

@@ -16,6 +16,18 @@ from hprs.errors import Position, SpecSyntaxError, did_you_mean
 from hprs.spec.vocabulary import CLASSES, FUNCTIONS, KEYWORDS, RESERVED, ROOTS, STATEMENTS
 
 _EQUALITY = "abs(a - b) <= tolerance."
+_WORDS_OF_OTHERS = (
+    "if",
+    "then",
+    "else",
+    "when",
+    "while",
+    "unless",
+    "until",
+    "implies",
+    "xor",
+    "is",
+)
 _PASTED = "It is not the plain sign it looks like; type it again."
 _SYMBOLS: Mapping[str, str] = MappingProxyType(
     {
@@ -276,6 +288,8 @@ def _operand(before: Sequence[Word], found: Word) -> str | None:
         return None
     if last.text in FUNCTIONS:
         return f"{last.text} is a function: write {last.text}(...)."
+    if found.text in _WORDS_OF_OTHERS:
+        return f"there is no {found} here: conditions are comparisons, joined by `and` and `or`."
     if last.is_number and found.text.startswith("_") and _touch(last, found):
         return f"a number has no separators: write {last.text}{found.text.replace('_', '')}."
     if last.is_number and found.is_name:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from hprs.errors import SpecError, UsageError
-from hprs.spec.expression import Expression, ExpressionLike
+from hprs.spec.expression import Expression, ExpressionLike, as_expression
 from hprs.spec.parser import parse_task
+from hprs.spec.printer import format_expression
 from hprs.spec.task import Task
 
 
@@ -33,8 +34,16 @@ def parse_constants(pairs: Iterable[str]) -> dict[str, Expression]:
     return found
 
 
-def override(task: Task, constants: Mapping[str, ExpressionLike], *, path: str) -> Task:
+def override(
+    task: Task, constants: Mapping[str, ExpressionLike], *, path: str, text: str | None = None
+) -> Task:
     """`Task.with_constants` for a task of a file, which errors name.
+
+    Args:
+        task: The task.
+        constants: Name to value.
+        path: The file.
+        text: What the task was parsed from, so that errors show the line.
 
     Raises:
         SpecError: There is no such constant, or the task cannot be meant with these values.
@@ -42,5 +51,11 @@ def override(task: Task, constants: Mapping[str, ExpressionLike], *, path: str) 
     try:
         return task.with_constants(**constants)
     except SpecError as error:
-        error.path = path
+        error.path, error.text = path, text
+        if error.position is not None:
+            values = ", ".join(
+                f"{name} = {format_expression(as_expression(value))}"
+                for name, value in constants.items()
+            )
+            error.message += f" Here, {values}."
         raise
