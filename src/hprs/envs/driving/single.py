@@ -14,7 +14,7 @@ from jax import Array
 
 from hprs.carsim.packed import Layout, layout_of
 from hprs.carsim.race import CONTROL_STEP
-from hprs.envs.driving.simulation import Episode, Simulation
+from hprs.envs.driving.simulation import Episode, Signals, Simulation
 from hprs.errors import UsageError
 
 METADATA: dict[str, Any] = {"render_modes": [], "render_fps": round(1 / CONTROL_STEP)}
@@ -112,11 +112,12 @@ def _pack(
     simulation: Simulation,
     episode: Episode,
     observation: Array,
-    signals: dict[str, Array],
+    signals: Signals,
     reward: Array,
     terminated: Array,
 ) -> Array:
-    tail = [*signals.values(), reward, terminated.astype(observation.dtype)]
+    tail = [signals[name] for name in simulation.signal_names]
+    tail += [reward, terminated.astype(observation.dtype)]
     results = jnp.concatenate([observation, jnp.stack(tail)])
     words = jax.lax.bitcast_convert_type(results, jnp.uint32)
     return jnp.concatenate([_episode_layout(simulation).pack(episode), words])

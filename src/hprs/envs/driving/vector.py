@@ -8,14 +8,13 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from gymnasium import spaces
 from gymnasium.utils.seeding import np_random
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from jax import Array
 from numpy.typing import NDArray
 
-from hprs.envs.driving.simulation import Episode, Simulation
+from hprs.envs.driving.simulation import Episode, Signals, Simulation
 from hprs.envs.driving.single import METADATA, action_space, draw_key, observation_space
 from hprs.errors import UsageError
 
@@ -52,8 +51,8 @@ class DrivingVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.simulation = simulation
         self.single_observation_space = observation_space(simulation)
         self.single_action_space = action_space()
-        self.observation_space: spaces.Box = batch_space(self.single_observation_space, num_envs)
-        self.action_space: spaces.Box = batch_space(self.single_action_space, num_envs)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
         self._names = simulation.signal_names
         self._everyone: Mask = np.ones(num_envs, bool)
         self._ended: Mask = ~self._everyone
@@ -76,7 +75,8 @@ class DrivingVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             if not mask.all():
                 raise UsageError("The first reset must be of all rows.")
             self._episodes = _nothing(self.simulation, self.num_envs)
-            self._observations = np.zeros(self.observation_space.shape, np.float32)
+            size = self.simulation.observation_size
+            self._observations = np.zeros((self.num_envs, size), np.float32)
             self._signals = np.zeros((len(self._names), self.num_envs), np.float32)
         self._restart(mask)
         self._ended = self._ended & ~mask
@@ -215,7 +215,7 @@ def _step_all_of(
     """All rows one step on; their observations, signals and rewards side by side, and flags."""
     step = jax.vmap(lambda episode, action: simulation.step(episode, action))
     episodes, observations, signals, rewards, terminated, truncated = step(episodes, actions)
-    numbers = [observations, *(value[:, None] for value in (*signals.values(), rewards))]
+    numbers = [observations, _columns(simulation, signals), rewards[:, None]]
     return episodes, (jnp.concatenate(numbers, axis=1), jnp.stack([terminated, truncated]))
 
 
@@ -225,8 +225,12 @@ def _reset_some_of(
     """New episodes in some rows; their observations and signals side by side."""
     new, observations, signals = jax.vmap(simulation.reset)(jax.random.wrap_key_data(keys))
     episodes = jax.tree.map(lambda old, fresh: old.at[rows].set(fresh, mode="drop"), episodes, new)
-    numbers = [observations, *(value[:, None] for value in signals.values())]
-    return episodes, jnp.concatenate(numbers, axis=1)
+    return episodes, jnp.concatenate([observations, _columns(simulation, signals)], axis=1)
+
+
+def _columns(simulation: Simulation, signals: Signals) -> Array:
+    """Signals as (N, S), in the order of their names: JAX sorts dictionaries."""
+    return jnp.stack([signals[name] for name in simulation.signal_names], axis=1)
 
 
 _step_all = jax.jit(_step_all_of, donate_argnums=1)
