@@ -210,6 +210,7 @@ def test_ranges_are_tight(range_: Interval, expected: tuple[float, float]) -> No
         (lambda: interval.mean([Interval(0, BIG)] * 2), "too large"),
         (lambda: interval.norm([Interval(0, 1e200)] * 2), "too large"),
         (lambda: interval.hypotenuse([Interval(0, BIG)] * 2), "too large"),
+        (lambda: Interval(INF, INF), "too large for a float"),
         (lambda: Interval(2, 1), "[2, 1] is empty"),
         (lambda: Interval(math.nan, 1), "[nan, 1] is empty"),
         (lambda: Interval(0, 1).meet(Interval(2, 3)), "[2, 1] is empty"),
