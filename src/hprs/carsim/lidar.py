@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -26,6 +27,8 @@ BEAMS = 64
 _ROUNDINGS = 100
 """Walls are longer by so many units of the last place of 1 m: nothing is seen through a joint."""
 _TINY = 1e-30
+_TOGETHER = 16
+"""Walls that one round of the loop takes; fewer cost more time, more cost compilation."""
 
 
 @dataclass(frozen=True)
@@ -87,15 +90,23 @@ def measure(
     """
     cosine, sine = jnp.cos(car.yaw), jnp.sin(car.yaw)
     x, y = car.x + lidar.ahead * cosine, car.y + lidar.ahead * sine
-    walls = track.walls[track.visible[cell_of(track, jnp.stack([x, y]))]]
-    if others is not None:
-        walls = jnp.concatenate([walls, outline(others, body=body).reshape(-1, 4)])
-    from_x, to_x, from_y, to_y = walls[:, 0] - x, walls[:, 2] - x, walls[:, 1] - y, walls[:, 3] - y
-    start = cosine * from_x + sine * from_y, cosine * from_y - sine * from_x
-    end = cosine * to_x + sine * to_y, cosine * to_y - sine * to_x
+    listed = track.visible[cell_of(track, jnp.stack([x, y]))]
+    moving = [] if others is None else [outline(others, body=body).reshape(-1, 4)]
+    # Full rounds: a wall more than once costs less than arrays that are filled up afterwards.
+    missing = -(len(listed) + sum(map(len, moving))) % _TOGETHER
+    walls = track.walls[jnp.pad(listed, (0, missing), mode="edge")]
+    walls = jnp.concatenate([walls, *moving])
+
+    def turned(x: Array, y: Array) -> tuple[Array, Array]:
+        return cosine * x + sine * y, cosine * y - sine * x
+
+    start = turned(walls[:, 0] - x, walls[:, 1] - y)
+    end = turned(walls[:, 2] - x, walls[:, 3] - y)
+    # Not the difference of the two ends, whose rounding turns short walls that are far away.
+    along = turned(walls[:, 2] - walls[:, 0], walls[:, 3] - walls[:, 1])
     angles = beam_angles(lidar)
     directions = (jnp.asarray(each, x.dtype) for each in (np.cos(angles), np.sin(angles)))
-    return 1 / jnp.maximum(_closeness(start, end, *directions), 1 / lidar.reach)
+    return 1 / jnp.maximum(_closeness(start, end, along, *directions), 1 / lidar.reach)
 
 
 def with_noise(scan: Array, uniform: Array, *, share: Array | float, reach: float = SIGHT) -> Array:
@@ -111,13 +122,18 @@ def with_noise(scan: Array, uniform: Array, *, share: Array | float, reach: floa
 
 
 def _closeness(
-    start: tuple[Array, Array], end: tuple[Array, Array], beam_x: Array, beam_y: Array
+    start: tuple[Array, Array],
+    end: tuple[Array, Array],
+    along: tuple[Array, Array],
+    beam_x: Array,
+    beam_y: Array,
 ) -> Array:
     """Inverse distance to the nearest wall, 0 where there is none.
 
     Args:
-        start: Coordinates of the walls' ends in the sensor's axes, each (K,).
+        start: Coordinates of the walls' ends in the sensor's axes, each (K,), full rounds.
         end: Of their other ends.
+        along: From the first ends to the others.
         beam_x: Unit vectors along the beams (B,).
         beam_y: Unit vectors along the beams (B,).
 
@@ -125,17 +141,26 @@ def _closeness(
         (B,) 1/m.
     """
     slack = _ROUNDINGS * jnp.finfo(beam_x.dtype).eps
-    (x0, y0), (x1, y1) = start, end
-    along_x, along_y = x1 - x0, y1 - y0
+    (x0, y0), (x1, y1), (along_x, along_y) = start, end, along
     area = x0 * along_y - y0 * along_x
     # A wall seen end-on has no distance of its own; its neighbours, longer by the slack, hide it.
     # Only of a sensor that stands on the wall itself, between its ends, is the distance known: 0.
     end_on = slack * jnp.sqrt(jnp.minimum(x0 * x0 + y0 * y0, x1 * x1 + y1 * y1))
     seen = jnp.where(x0 * x1 + y0 * y1 <= 0, area >= -end_on, area > end_on)
     scale = jnp.where(seen, 1 / jnp.maximum(area, _TINY), 0)
-    x0, y0, x1, y1 = x0[:, None], y0[:, None], x1[:, None], y1[:, None]
-    # Both ends in the same words: they round alike, and walls that share an end leave no gap.
-    before, after = x0 * beam_y - y0 * beam_x, x1 * beam_y - y1 * beam_x
-    closeness = beam_x * (along_y * scale)[:, None] - beam_y * (along_x * scale)[:, None]
-    met = (before >= -slack) & (after <= slack)
-    return jnp.max(jnp.where(met, closeness, 0), axis=0)
+    fields = jnp.stack([x0, y0, x1, y1, along_x * scale, along_y * scale])
+
+    def nearer(best: Array, walls: Array) -> tuple[Array, None]:
+        for column in range(_TOGETHER):
+            x0, y0, x1, y1, along_x, along_y = walls[:, column]
+            before, after = x0 * beam_y - y0 * beam_x, y1 * beam_x - x1 * beam_y
+            closeness = beam_x * along_y - beam_y * along_x
+            # Selections, not minimum and maximum, which spend as much again on NaN.
+            met = jnp.where(before < after, before, after) >= -slack
+            closeness = jnp.where(met, closeness, 0)
+            best = jnp.where(closeness > best, closeness, best)
+        return best, None
+
+    # One reduction over all walls would write every closeness to memory first: ten times slower.
+    rounds = jnp.moveaxis(fields.reshape(6, -1, _TOGETHER), 0, 1)
+    return jax.lax.scan(nearer, jnp.zeros_like(beam_x), rounds)[0]
