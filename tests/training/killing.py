@@ -37,10 +37,10 @@ KINDS: dict[str, Callable[[Path], Configuration]] = {
         "hprs/BipedalWalker-v0",
         settings={"environments": 2, "learning_starts": 100, "buffer_size": 1000, "batch_size": 32,
                   "net_arch": [32]},
-        horizon=200,
-        steps=4000,
-        evaluation_interval=200,
-        evaluation_episodes=2,
+        horizon=100,
+        steps=1500,
+        evaluation_interval=100,
+        evaluation_episodes=1,
     ),
 }  # fmt: skip
 
