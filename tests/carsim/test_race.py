@@ -12,7 +12,7 @@ from hprs.carsim.actuators import Command
 from hprs.carsim.collision import touches_car, touches_wall
 from hprs.carsim.designs import load_track
 from hprs.carsim.drivers import pursue
-from hprs.carsim.leader import follow_the_gap, sample_leader
+from hprs.carsim.leader import follow_the_gap
 from hprs.carsim.lidar import BEAMS, beam_angles
 from hprs.carsim.packed import layout_of
 from hprs.carsim.race import (
@@ -27,23 +27,11 @@ from hprs.carsim.race import (
     step,
 )
 from hprs.carsim.randomisation import ranges
-from hprs.carsim.track import Track, stack_tracks
+from hprs.carsim.track import Track, pose_at, stack_tracks
 
-# Compiled once for all tests.
-RESET = jax.jit(reset)
-STEP = jax.jit(step)
 NAMES = [(name, reverse) for name in ("gm", "trt", "gm-c") for reverse in (False, True)]
-
-
-@pytest.fixture(scope="module")
-def all_tracks() -> Track:
-    return jax.tree.map(jnp.asarray, stack_tracks([load_track(n, reverse=r) for n, r in NAMES]))
-
-
-@pytest.fixture(scope="module")
-def gm(all_tracks) -> Track:
-    # Of the shapes of all the tracks, so that compilations are shared.
-    return one(all_tracks, 0)
+DRIVERS = ("pursuit", "gap", "saturated")
+CHUNK = 300
 
 
 def one(tree, index):
@@ -58,104 +46,129 @@ def straight(steering=0.0, speed=1.5) -> Command:
     return Command(jnp.float32(steering), jnp.float32(speed))
 
 
-def driven_by(driver, key, track, settings, steps):
-    """First world, and at every control step whether car 0 hit something, its distance and clearance."""
-    world = reset(key, track, settings)
+def chosen(world, track, chance, driver) -> Command:
+    """The command of one of the DRIVERS; all in one function, so that one compilation serves all tests."""
+    flips = jnp.where(
+        jax.random.bernoulli(chance, shape=(2,)), jnp.array([1.0, 3.5]), jnp.array([-1.0, 0.0])
+    )
+    angles = jnp.asarray(beam_angles(), world.scan.dtype)
+    commands = [
+        pursue(one(world.cars, 0), world.progress[0], track),
+        follow_the_gap(world.scan, angles, parameters=world.leader),
+        Command(flips[0], flips[1]),
+    ]
+    return jax.tree.map(lambda *values: jnp.stack(values)[driver], *commands)
+
+
+def driven(world, track, driver):
+    """A world CHUNK control steps later; at each, whether car 0 hit something, its distance and clearance."""
 
     def control(world, chance):
-        world = step(world, track, driver(world, track, chance))
+        world = step(world, track, chosen(world, track, chance, driver))
         return world, (
             world.hit_wall[0] | world.hit_car,
             world.distance[0],
             clearance(world, track)[0],
         )
 
-    return world, jax.lax.scan(control, world, jax.random.split(key, steps))[1]
+    chances = jax.random.split(jax.random.wrap_key_data(world.key), CHUNK)
+    return jax.lax.scan(control, world, chances)
 
 
-def on_every_track(driver, settings, number, steps):
-    run = jax.vmap(partial(driven_by, driver, settings=settings, steps=steps), (0, None))
-    return jax.jit(jax.vmap(run, (None, 0)))
+# Compiled once for all tests.
+RESET = jax.jit(reset)
+STEP = jax.jit(step)
+RESET_ALL = jax.jit(jax.vmap(jax.vmap(reset, (0, None, None)), (None, 0, None)))
+STEP_ALL = jax.jit(jax.vmap(step, (0, 0, None)))
+DRIVEN_ALL = jax.jit(jax.vmap(jax.vmap(driven, (0, None, None)), (0, 0, None)))
 
 
-def pursuing(world, track, chance):
-    return pursue(one(world.cars, 0), world.progress[0], track)
+@pytest.fixture(scope="module")
+def all_tracks() -> Track:
+    return jax.tree.map(jnp.asarray, stack_tracks([load_track(n, reverse=r) for n, r in NAMES]))
 
 
-def saturated(world, track, chance):
-    steering, speed = jax.random.bernoulli(chance, shape=(2,))
-    return Command(jnp.where(steering, 1.0, -1.0), jnp.where(speed, 3.5, 0.0))
+@pytest.fixture(scope="module")
+def gm(all_tracks) -> Track:
+    # Of the shapes of all the tracks, so that compilations are shared.
+    return one(all_tracks, 0)
+
+
+@pytest.fixture(scope="module")
+def worlds(all_tracks) -> World:
+    """100 randomised worlds on each track."""
+    return RESET_ALL(keys(100, seed=1), all_tracks, Settings())
 
 
 @pytest.mark.parametrize("start", ["random", "grid"])
-def test_the_pursuing_driver_laps_every_track_both_ways_from_100_of_100_starts(all_tracks, start):
-    run = on_every_track(pursuing, Settings(start=start), 100, 300)
-    _, (hit, distance, clear) = run(keys(100, seed=1), all_tracks)
+def test_the_pursuing_driver_laps_every_track_both_ways_from_100_of_100_starts(
+    all_tracks, worlds, start
+):
+    if start == "grid":
+        worlds = RESET_ALL(keys(100, seed=1), all_tracks, Settings(start="grid"))
+    _, (hit, distance, clear) = DRIVEN_ALL(worlds, all_tracks, DRIVERS.index("pursuit"))
     assert not np.asarray(hit).any()
-    assert np.asarray(clear).min() > 0.2
+    assert np.asarray(clear).min() > 0.3
     assert (np.asarray(distance)[:, :, -1] > np.asarray(all_tracks.length)[:, None]).all()
 
 
-def test_a_saturated_random_driver_crashes(all_tracks):
-    _, (hit, _, _) = on_every_track(saturated, Settings(), 20, 300)(keys(20), all_tracks)
+def test_a_saturated_random_driver_crashes(all_tracks, worlds):
+    _, (hit, _, _) = DRIVEN_ALL(worlds, all_tracks, DRIVERS.index("saturated"))
     assert np.asarray(hit)[:, :, -1].all()
 
 
-def test_the_leader_drives_20_laps_of_gm_c(all_tracks):
-    def following(key, track, steps=1800):
-        leader = sample_leader(key)
-        angles = jnp.asarray(beam_angles(), jnp.float32)
-
-        def driver(world, track, chance):
-            return follow_the_gap(world.scan, angles, parameters=leader)
-
-        return driven_by(driver, key, track, Settings(), steps)[1]
-
-    tracks = jax.tree.map(lambda leaf: leaf[4:], all_tracks)
-    hit, distance, _ = jax.jit(jax.vmap(jax.vmap(following, (0, None)), (None, 0)))(keys(5), tracks)
-    assert not np.asarray(hit).any()
-    assert (np.asarray(distance)[:, :, -1] > 20 * np.asarray(tracks.length)[:, None]).all()
+def test_the_leader_drives_20_laps_of_gm_c(all_tracks, worlds):
+    for _ in range(6):
+        worlds, (hit, distance, _) = DRIVEN_ALL(worlds, all_tracks, DRIVERS.index("gap"))
+    round_track = slice(4, 6)
+    assert not np.asarray(hit)[round_track].any()
+    assert (
+        np.asarray(distance)[round_track, :, -1]
+        > 20 * np.asarray(all_tracks.length)[round_track, None]
+    ).all()
 
 
-def test_a_leader_that_is_car_1_laps_too(all_tracks):
-    def waiting(key, track):
-        world = reset(key, track, Settings(cars=2))
-        world, gaps = jax.lax.scan(
-            lambda w, _: (lambda v: (v, lead_distance(v)))(step(w, track, straight(speed=0.0))),
-            world,
-            length=40,
-        )
-        return world, gaps
+def test_the_same_key_gives_the_same_numbers_and_another_one_does_not(all_tracks, worlds):
+    again = RESET_ALL(keys(100, seed=1), all_tracks, Settings())
+    runs = [DRIVEN_ALL(start, all_tracks, DRIVERS.index("pursuit")) for start in (worlds, again)]
+    jax.tree.map(np.testing.assert_array_equal, *runs)
+    for leaf in (
+        worlds.parameters.vehicle.mass,
+        worlds.progress,
+        worlds.cars.yaw,
+        worlds.scan[..., 0],
+    ):
+        assert len(np.unique(leaf[0])) == 100
 
-    tracks = jax.tree.map(lambda leaf: leaf[4:], all_tracks)
-    world, gaps = jax.jit(jax.vmap(jax.vmap(waiting, (0, None)), (None, 0)))(keys(10), tracks)
-    assert not np.asarray(world.hit_wall).any()
-    assert not np.asarray(world.hit_car).any()
-    assert (np.diff(np.asarray(gaps), axis=-1) <= 1e-4).all()
-    np.testing.assert_allclose(gaps[..., -1], -(world.gap + world.distance[..., 1]), atol=1e-4)
-    assert np.asarray(world.distance)[..., 1].min() > 3.0
+
+def test_a_leader_that_is_car_1_drives_away_from_a_car_that_waits(all_tracks):
+    settings = Settings(cars=2)
+    starts = [RESET(keys(6)[i], one(all_tracks, i), settings) for i in range(6)]
+    batch = jax.tree.map(lambda *leaves: jnp.stack(leaves), *starts)
+    gaps = []
+    for _ in range(30):
+        batch = STEP_ALL(batch, all_tracks, straight(speed=0.0))
+        gaps.append(np.asarray(jax.vmap(lead_distance)(batch)))
+    assert not np.asarray(batch.hit_wall).any()
+    assert not np.asarray(batch.hit_car).any()
+    assert (np.diff(gaps, axis=0) <= 1e-4).all()
+    np.testing.assert_allclose(gaps[-1], -(batch.gap + batch.distance[:, 1]), atol=1e-3)
+    assert np.asarray(batch.distance)[:, 1].min() > 2.5
 
 
 def test_a_batch_equals_its_worlds_one_by_one(all_tracks):
     settings = Settings(cars=2)
-    batch = jax.jit(jax.vmap(reset, (0, 0, None)))(keys(6), all_tracks, settings)
-    together = jax.jit(jax.vmap(step, (0, 0, None)))
-    worlds = [RESET(keys(6)[i], one(all_tracks, i), settings) for i in range(6)]
+    singles = [RESET(keys(6)[i], one(all_tracks, i), settings) for i in range(6)]
+    batch = jax.tree.map(lambda *leaves: jnp.stack(leaves), *singles)
     for _ in range(5):
-        batch = together(batch, all_tracks, straight(0.3))
-        worlds = [STEP(world, one(all_tracks, i), straight(0.3)) for i, world in enumerate(worlds)]
-    for i, world in enumerate(worlds):
+        batch = STEP_ALL(batch, all_tracks, straight(0.3))
+        singles = [
+            STEP(world, one(all_tracks, i), straight(0.3)) for i, world in enumerate(singles)
+        ]
+    for i, world in enumerate(singles):
         jax.tree.map(
             partial(np.testing.assert_allclose, rtol=1e-3, atol=2e-4), one(batch, i), world
         )
-
-
-def test_the_same_key_gives_the_same_numbers_and_another_one_does_not(gm):
-    run = jax.jit(partial(driven_by, pursuing, settings=Settings(), steps=300))
-    first, again, other = run(keys(2)[0], gm), run(keys(2)[0], gm), run(keys(2)[1], gm)
-    jax.tree.map(np.testing.assert_array_equal, first, again)
-    assert first[0].parameters.vehicle.mass[0] != other[0].parameters.vehicle.mass[0]
-    assert first[0].progress[0] != other[0].progress[0]
 
 
 def test_a_control_step_is_a_tenth_of_a_second(gm):
@@ -207,12 +220,8 @@ def test_a_leader_that_crashed_does_not_stop_the_other_car(gm):
     assert after.cars.speed[1] == 0
 
 
-@pytest.mark.parametrize("cars", [1, 2])
-def test_random_starts_are_clear_all_over_the_track_and_head_along_it(all_tracks, cars):
-    start = jax.jit(
-        jax.vmap(jax.vmap(partial(reset, settings=Settings(cars=cars)), (0, None)), (None, 0))
-    )
-    worlds = start(keys(300), all_tracks)
+def test_random_starts_are_clear_all_over_the_track_and_head_along_it(all_tracks):
+    worlds = RESET_ALL(keys(300), all_tracks, Settings(cars=2))
     clear = jax.jit(jax.vmap(jax.vmap(clearance, (0, None))))(worlds, all_tracks)
     room = (
         jnp.minimum(jnp.min(all_tracks.left, 1), jnp.min(all_tracks.right, 1))
@@ -220,13 +229,18 @@ def test_random_starts_are_clear_all_over_the_track_and_head_along_it(all_tracks
     )
     # Near a bend the wall to the side is not the nearest one.
     assert (np.asarray(clear).min(axis=(1, 2)) > np.minimum(0.5, np.asarray(room)) - 0.1).all()
-    assert not np.asarray(worlds.hit_wall).any()
+    touching = jax.jit(jax.vmap(jax.vmap(jax.vmap(touches_wall, (None, 0)), (None, 0))))
+    assert not np.asarray(touching(all_tracks, worlds.cars)).any()
     share = np.asarray(worlds.progress[..., 0] / all_tracks.length[:, None])
     counts = np.stack([np.histogram(row, bins=10, range=(0, 1))[0] for row in share])
     assert counts.min() > 10
-    if cars == 2:
-        assert np.asarray(worlds.gap).min() > LEAST_GAP - 0.2
-        assert (np.asarray(worlds.gap) < 0.2 * np.asarray(all_tracks.length)[:, None] + 0.3).all()
+    assert np.asarray(worlds.gap).min() > LEAST_GAP - 0.2
+    assert (np.asarray(worlds.gap) < 0.2 * np.asarray(all_tracks.length)[:, None] + 0.3).all()
+    ahead = jax.vmap(jax.vmap(jax.vmap(lambda t, s: pose_at(t, s)[2], (None, 0)), (None, 0)))(
+        all_tracks, worlds.progress
+    )
+    turned = np.asarray(worlds.cars.yaw - ahead)
+    assert np.abs(np.arctan2(np.sin(turned), np.cos(turned))).max() < 0.3
 
 
 @pytest.mark.parametrize("cars", [1, 2])
@@ -252,6 +266,13 @@ def test_readings_are_noisy_as_the_parameters_say(gm):
     assert 0 < abs(noisy.velocity - measured.velocity) < 0.1
 
 
+def test_measured_velocity_is_normal_around_the_true_one(worlds):
+    error = np.asarray(worlds.velocity - worlds.cars.speed[..., 0]) / 0.01
+    assert abs(error.mean()) < 0.15
+    assert 0.9 < error.std() < 1.1
+    assert 2.5 < np.abs(error).max() < 5
+
+
 def test_a_packed_world_steps_as_an_open_one(gm):
     world = RESET(keys(1)[0], gm, Settings(cars=2))
     layout = layout_of(world)
@@ -270,11 +291,16 @@ def test_a_packed_world_steps_as_an_open_one(gm):
     np.testing.assert_array_equal(read.key, world.key)
 
 
-def test_worlds_in_double_precision_stay_in_it():
+def test_worlds_in_double_precision_stay_in_it(all_tracks):
     with jax.enable_x64(True):
-        track = jax.tree.map(jnp.asarray, load_track("gm-c", dtype=np.float64))
-        world = RESET(jax.random.key(0), track, Settings(cars=2))
-        after = STEP(world, track, Command(jnp.float64(0.1), jnp.float64(1.0)))
+        track = jax.tree.map(
+            lambda leaf: (
+                np.asarray(leaf, np.float64) if leaf.dtype == np.float32 else np.asarray(leaf)
+            ),
+            one(all_tracks, 0),
+        )
+        world = jax.eval_shape(reset, jax.random.key(0), track, Settings(cars=2))
+        after = jax.eval_shape(step, world, track, Command(jnp.float64(0.1), jnp.float64(1.0)))
         for before, leaf in zip(jax.tree.leaves(world), jax.tree.leaves(after), strict=True):
             assert leaf.dtype == before.dtype
             assert leaf.dtype != np.float32
