@@ -15,6 +15,8 @@ PAGES = {
     "cart_pole": "hprs/CartPole-v0",
     "lunar_lander": "hprs/LunarLanderObstacle-v0",
     "bipedal_walker": "hprs/BipedalWalker-v0",
+    "safe_driving": "hprs/SafeDriving-v0",
+    "follow_leader": "hprs/FollowLeader-v0",
 }
 """Page to the benchmark whose task it shows."""
 FIRST = "<!-- derived from the task by `python tests/envs/pages.py` -->\n"
