@@ -76,7 +76,6 @@ def driven(world, track, driver):
 
 
 # Compiled once for all tests.
-RESET = jax.jit(reset)
 STEP = jax.jit(step)
 RESET_ALL = jax.jit(jax.vmap(jax.vmap(reset, (0, None, None)), (None, 0, None)))
 STEP_ALL = jax.jit(jax.vmap(step, (0, 0, None)))
@@ -94,10 +93,30 @@ def gm(all_tracks) -> Track:
     return one(all_tracks, 0)
 
 
+def worlds_of(tracks, **settings) -> World:
+    """100 worlds on each track."""
+    return RESET_ALL(keys(100, seed=1), tracks, Settings(**settings))
+
+
 @pytest.fixture(scope="module")
 def worlds(all_tracks) -> World:
-    """100 randomised worlds on each track."""
-    return RESET_ALL(keys(100, seed=1), all_tracks, Settings())
+    return worlds_of(all_tracks)
+
+
+@pytest.fixture(scope="module")
+def pairs(all_tracks) -> World:
+    """Worlds with a leader."""
+    return worlds_of(all_tracks, cars=2)
+
+
+@pytest.fixture(scope="module")
+def at_grid(all_tracks) -> World:
+    return worlds_of(all_tracks, start="grid", ranges=ranges("nominal"))
+
+
+@pytest.fixture(scope="module")
+def pairs_at_grid(all_tracks) -> World:
+    return worlds_of(all_tracks, cars=2, start="grid")
 
 
 @pytest.mark.parametrize("start", ["random", "grid"])
@@ -105,7 +124,7 @@ def test_the_pursuing_driver_laps_every_track_both_ways_from_100_of_100_starts(
     all_tracks, worlds, start
 ):
     if start == "grid":
-        worlds = RESET_ALL(keys(100, seed=1), all_tracks, Settings(start="grid"))
+        worlds = worlds_of(all_tracks, start="grid")
     _, (hit, distance, clear) = DRIVEN_ALL(worlds, all_tracks, DRIVERS.index("pursuit"))
     assert not np.asarray(hit).any()
     assert np.asarray(clear).min() > 0.3
@@ -129,9 +148,8 @@ def test_the_leader_drives_20_laps_of_gm_c(all_tracks, worlds):
 
 
 def test_the_same_key_gives_the_same_numbers_and_another_one_does_not(all_tracks, worlds):
-    again = RESET_ALL(keys(100, seed=1), all_tracks, Settings())
-    runs = [DRIVEN_ALL(start, all_tracks, DRIVERS.index("pursuit")) for start in (worlds, again)]
-    jax.tree.map(np.testing.assert_array_equal, *runs)
+    first, again = (DRIVEN_ALL(start, all_tracks, 0) for start in (worlds, worlds_of(all_tracks)))
+    jax.tree.map(np.testing.assert_array_equal, first, again)
     for leaf in (
         worlds.parameters.vehicle.mass,
         worlds.progress,
@@ -141,10 +159,8 @@ def test_the_same_key_gives_the_same_numbers_and_another_one_does_not(all_tracks
         assert len(np.unique(leaf[0])) == 100
 
 
-def test_a_leader_that_is_car_1_drives_away_from_a_car_that_waits(all_tracks):
-    settings = Settings(cars=2)
-    starts = [RESET(keys(6)[i], one(all_tracks, i), settings) for i in range(6)]
-    batch = jax.tree.map(lambda *leaves: jnp.stack(leaves), *starts)
+def test_a_leader_that_is_car_1_drives_away_from_a_car_that_waits(all_tracks, pairs):
+    batch = jax.tree.map(lambda leaf: leaf[:, 0], pairs)
     gaps = []
     for _ in range(30):
         batch = STEP_ALL(batch, all_tracks, straight(speed=0.0))
@@ -156,10 +172,9 @@ def test_a_leader_that_is_car_1_drives_away_from_a_car_that_waits(all_tracks):
     assert np.asarray(batch.distance)[:, 1].min() > 2.5
 
 
-def test_a_batch_equals_its_worlds_one_by_one(all_tracks):
-    settings = Settings(cars=2)
-    singles = [RESET(keys(6)[i], one(all_tracks, i), settings) for i in range(6)]
-    batch = jax.tree.map(lambda *leaves: jnp.stack(leaves), *singles)
+def test_a_batch_equals_its_worlds_one_by_one(all_tracks, pairs):
+    batch = jax.tree.map(lambda leaf: leaf[:, 0], pairs)
+    singles = [one(batch, i) for i in range(6)]
     for _ in range(5):
         batch = STEP_ALL(batch, all_tracks, straight(0.3))
         singles = [
@@ -171,9 +186,9 @@ def test_a_batch_equals_its_worlds_one_by_one(all_tracks):
         )
 
 
-def test_a_control_step_is_a_tenth_of_a_second(gm):
+def test_a_control_step_is_a_tenth_of_a_second(gm, at_grid):
     assert pytest.approx(0.1) == CONTROL_STEP
-    world = RESET(keys(1)[0], gm, Settings(start="grid", ranges=ranges("nominal")))
+    world = one(one(at_grid, 0), 0)
     for _ in range(5):
         world = STEP(world, gm, straight())
     before = world.distance[0]
@@ -182,8 +197,8 @@ def test_a_control_step_is_a_tenth_of_a_second(gm):
     assert float((world.distance[0] - before) / world.cars.speed[0]) == pytest.approx(0.1, rel=0.05)
 
 
-def test_a_car_that_touches_a_wall_stands_at_the_step_of_contact(gm):
-    world = RESET(keys(1)[0], gm, Settings(start="grid"))
+def test_a_car_that_touches_a_wall_stands_at_the_step_of_contact(gm, at_grid):
+    world = one(one(at_grid, 0), 0)
     for _ in range(40):
         world = STEP(world, gm, straight(1.0, 3.5))
     assert world.hit_wall[0]
@@ -193,8 +208,8 @@ def test_a_car_that_touches_a_wall_stands_at_the_step_of_contact(gm):
     assert abs(after.distance[0] - world.distance[0]) < 1e-5
 
 
-def test_cars_that_touch_each_other_stand(gm):
-    world = RESET(keys(1)[0], gm, Settings(cars=2, start="grid"))
+def test_cars_that_touch_each_other_stand(gm, pairs_at_grid):
+    world = one(one(pairs_at_grid, 0), 0)
     ahead = one(world.cars, 1)
     x = world.cars.x.at[0].set(ahead.x - 0.9 * jnp.cos(ahead.yaw))
     y = world.cars.y.at[0].set(ahead.y - 0.9 * jnp.sin(ahead.yaw))
@@ -212,16 +227,16 @@ def test_cars_that_touch_each_other_stand(gm):
     jax.tree.map(np.testing.assert_array_equal, after.cars, world.cars)
 
 
-def test_a_leader_that_crashed_does_not_stop_the_other_car(gm):
-    world = RESET(keys(1)[0], gm, Settings(cars=2, start="grid"))
+def test_a_leader_that_crashed_does_not_stop_the_other_car(gm, pairs_at_grid):
+    world = one(one(pairs_at_grid, 0), 0)
     world = replace(world, hit_wall=jnp.array([False, True]))
     after = STEP(world, gm, straight())
     assert after.cars.speed[0] > 0
     assert after.cars.speed[1] == 0
 
 
-def test_random_starts_are_clear_all_over_the_track_and_head_along_it(all_tracks):
-    worlds = RESET_ALL(keys(300), all_tracks, Settings(cars=2))
+def test_random_starts_are_clear_all_over_the_track_and_head_along_it(all_tracks, pairs):
+    worlds = pairs
     clear = jax.jit(jax.vmap(jax.vmap(clearance, (0, None))))(worlds, all_tracks)
     room = (
         jnp.minimum(jnp.min(all_tracks.left, 1), jnp.min(all_tracks.right, 1))
@@ -232,8 +247,8 @@ def test_random_starts_are_clear_all_over_the_track_and_head_along_it(all_tracks
     touching = jax.jit(jax.vmap(jax.vmap(jax.vmap(touches_wall, (None, 0)), (None, 0))))
     assert not np.asarray(touching(all_tracks, worlds.cars)).any()
     share = np.asarray(worlds.progress[..., 0] / all_tracks.length[:, None])
-    counts = np.stack([np.histogram(row, bins=10, range=(0, 1))[0] for row in share])
-    assert counts.min() > 10
+    counts = np.stack([np.histogram(row, bins=5, range=(0, 1))[0] for row in share])
+    assert counts.min() > 5
     assert np.asarray(worlds.gap).min() > LEAST_GAP - 0.2
     assert (np.asarray(worlds.gap) < 0.2 * np.asarray(all_tracks.length)[:, None] + 0.3).all()
     ahead = jax.vmap(jax.vmap(jax.vmap(lambda t, s: pose_at(t, s)[2], (None, 0)), (None, 0)))(
@@ -243,16 +258,15 @@ def test_random_starts_are_clear_all_over_the_track_and_head_along_it(all_tracks
     assert np.abs(np.arctan2(np.sin(turned), np.cos(turned))).max() < 0.3
 
 
-@pytest.mark.parametrize("cars", [1, 2])
-def test_a_grid_start_is_at_its_places_whatever_the_key(gm, cars):
-    for key in keys(3):
-        world = RESET(key, gm, Settings(cars=cars, start="grid"))
-        np.testing.assert_allclose(world.progress, [place[0] for place in GRID[cars]], atol=1e-2)
-        assert (world.cars.speed == 0).all()
+def test_a_grid_start_is_at_its_places_whatever_the_key_and_the_track(at_grid, pairs_at_grid):
+    for worlds, places in ((at_grid, GRID[1]), (pairs_at_grid, GRID[2])):
+        for i, (along, _) in enumerate(places):
+            np.testing.assert_allclose(worlds.progress[..., i], along, atol=2e-2)
+        assert not np.asarray(worlds.cars.speed).any()
 
 
-def test_readings_are_noisy_as_the_parameters_say(gm):
-    exact = RESET(keys(1)[0], gm, Settings(start="grid", ranges=ranges("nominal")))
+def test_readings_are_noisy_as_the_parameters_say(gm, at_grid):
+    exact = one(one(at_grid, 0), 0)
     quiet = replace(
         exact.parameters, sensors=jax.tree.map(jnp.zeros_like, exact.parameters.sensors)
     )
@@ -273,17 +287,14 @@ def test_measured_velocity_is_normal_around_the_true_one(worlds):
     assert 2.5 < np.abs(error).max() < 5
 
 
-def test_a_packed_world_steps_as_an_open_one(gm):
-    world = RESET(keys(1)[0], gm, Settings(cars=2))
+def test_a_packed_world_steps_as_an_open_one(gm, pairs):
+    world = one(one(pairs, 0), 0)
     layout = layout_of(world)
 
-    @jax.jit
-    def packed_step(packed, track, command):
-        return layout.pack(step(layout.unpack(packed), track, Command(command[0], command[1])))
-
-    packed = jax.jit(layout.pack)(world)
+    pack, unpack = jax.jit(layout.pack), jax.jit(layout.unpack)
+    packed = pack(world)
     for _ in range(3):
-        packed = packed_step(packed, gm, np.array([0.2, 1.5], np.float32))
+        packed = pack(STEP(unpack(packed), gm, straight(0.2)))
         world = STEP(world, gm, straight(0.2))
     read = layout.read(packed)
     assert isinstance(read, World)
