@@ -125,17 +125,22 @@ def _names(value: Any) -> tuple[str, ...]:
     return tuple(str(name) for name in names)
 
 
-@lru_cache(maxsize=16)
 def _stack(names: tuple[str, ...], reverse: bool) -> Track:
     return stack_tracks([_load(name, reverse) for name in names])
 
 
 def _load(name: str, reverse: bool) -> Track:
-    if name.endswith(MAP_SUFFIXES):
-        # Reading maps needs more libraries than driving does.
-        from hprs.carsim.map_file import load_map
+    if not name.endswith(MAP_SUFFIXES):
+        return _made(name, reverse)
+    # Reading maps needs more libraries than driving does.
+    from hprs.carsim.map_file import load_map
 
-        return load_map(name, reverse=reverse)
+    return load_map(name, reverse=reverse)
+
+
+@lru_cache(maxsize=32)
+def _made(name: str, reverse: bool) -> Track:
+    """A track that no file can change."""
     if name.startswith(RANDOM):
         seed = name.removeprefix(RANDOM)
         if not seed.isdecimal():
