@@ -184,7 +184,7 @@ def test_coming_close_to_the_leader_violates_the_distance_and_touching_it_ends_t
         ({"tracks": []}, "tracks is a name or a list of names"),
         ({"tracks": 3}, "tracks is a name or a list of names"),
         ({"tracks": "random:x"}, "needs a whole number as its seed"),
-        ({"start": "gird"}, "start is one of random, grid, not 'gird'. Did you mean 'grid'?"),
+        ({"start": "grod"}, "start is one of random, grid, not 'grod'. Did you mean 'grid'?"),
         ({"start": []}, "start is one of random, grid"),
         ({"randomisation": "some"}, "There are no ranges 'some'"),
         ({"randomisation": 1}, "randomisation is True, False or a name"),
