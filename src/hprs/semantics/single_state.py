@@ -161,6 +161,14 @@ def _connective(
             margins, satisfied, scores = zip(*[part(values) for part in parts], strict=True)
             return pick(*margins), holds(satisfied), pick(*scores)
 
-        return whole
+        if len(parts) != 2:
+            return whole
+        first, second = parts
+
+        def pair(values: Values) -> Triple:  # what most are, without lists
+            a, b = first(values), second(values)
+            return pick(a[0], b[0]), holds((a[1], b[1])), pick(a[2], b[2])
+
+        return pair
 
     return combine
