@@ -26,7 +26,7 @@ from hprs.training import files
 from hprs.training.algorithms import parse_settings
 from hprs.training.environment import check_options, find_task, make_environment, require
 from hprs.training.evaluation import FINAL_SEEDS
-from hprs.training.policies import Policy, RandomPolicy, do_nothing, import_policy
+from hprs.training.policies import Policy, named_policy
 from hprs.training.run_directory import Which, find_runs
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ class Storyboard:
     out: Annotated[Path, tyro.conf.arg(metavar="FILE")]
     """Where the picture goes."""
     policy: Annotated[str | None, tyro.conf.arg(metavar="POLICY", help_behavior_hint="")] = None
-    """zero, random, or module:function."""
+    """zero, random, a .zip of Stable-Baselines3, or module:function."""
     which: Which = "last"
     """The policy of a run."""
     options: Annotated[
@@ -123,12 +123,7 @@ def make(storyboard: Storyboard) -> tuple[TaskWrapper, Policy]:
         return environment, sb3.load_policy(runs[0], storyboard.which)
     task, _ = find_task(storyboard.subject)
     environment = make_drawable(storyboard.subject, task, options, storyboard.horizon)
-    space = environment.action_space
-    if storyboard.policy == "zero":
-        return environment, do_nothing(space)
-    if storyboard.policy == "random":
-        return environment, RandomPolicy(space, seed=0)
-    return environment, import_policy(storyboard.policy, space)
+    return environment, named_policy(storyboard.policy, environment)
 
 
 def make_drawable(

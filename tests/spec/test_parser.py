@@ -5,8 +5,7 @@ import pickle
 import re
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -32,12 +31,24 @@ def predicate_of(text: str) -> Comparison | And | Or:
     return parse_task(f"{SIGNALS}ensure r: {text}").requirements[0].predicate
 
 
-@contextmanager
-def a_second() -> Iterator[None]:
-    """A second of processor time, so that a busy machine does not count; ten under coverage."""
-    start = time.process_time()
-    yield
-    assert time.process_time() - start < (1.0 if sys.gettrace() is None else 10.0)
+def within_a_second(work: Callable[[], object]) -> None:
+    """See that work takes less than a second of processor time; ten under coverage.
+
+    One of three tries must: beside other work a processor can be three times as slow.
+    """
+    allowed = 1.0 if sys.gettrace() is None else 10.0
+    for _ in range(3):
+        start = time.process_time()
+        work()
+        if time.process_time() - start < allowed:
+            return
+    pytest.fail(f"it took more than {allowed} s three times")
+
+
+def refusal(read: Callable[[], object], match: str = "") -> str:
+    with pytest.raises(SpecError, match=match) as caught:
+        read()
+    return str(caught.value)
 
 
 # --- malformed tasks
@@ -121,9 +132,9 @@ HOSTILE = {
 @pytest.mark.parametrize("text", HOSTILE.values(), ids=HOSTILE.keys())
 def test_hostile_text_is_refused_within_a_second(text: str) -> None:
     parse_task("")
-    with a_second(), pytest.raises(SpecError) as caught:
-        parse_task(text)
-    assert len(str(caught.value).encode()) < 2_000
+    messages: list[str] = []
+    within_a_second(lambda: messages.append(refusal(lambda: parse_task(text))))
+    assert len(messages[-1].encode()) < 2_000
 
 
 EXPENSIVE = {
@@ -142,8 +153,7 @@ EXPENSIVE = {
 @pytest.mark.parametrize("text", EXPENSIVE.values(), ids=EXPENSIVE.keys())
 def test_the_largest_legal_tasks_are_built_within_a_second(text: str) -> None:
     parse_task("")
-    with a_second():
-        parse_task(text)
+    within_a_second(lambda: parse_task(text))
 
 
 def test_brackets_may_nest_as_deep_as_the_limit_says() -> None:
@@ -201,9 +211,9 @@ def test_files_that_are_not_text_are_refused_by_name(
     tmp_path: Path, data: bytes, message: str
 ) -> None:
     path = write(tmp_path, data)
-    with a_second(), pytest.raises(SpecError, match=message) as caught:
-        load_task(path)
-    assert str(path) in str(caught.value)
+    messages: list[str] = []
+    within_a_second(lambda: messages.append(refusal(lambda: load_task(path), message)))
+    assert str(path) in messages[-1]
 
 
 def test_a_missing_file_a_folder_and_an_impossible_name_are_spec_errors(tmp_path: Path) -> None:

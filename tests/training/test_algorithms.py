@@ -5,12 +5,11 @@ import pytest
 from hprs.errors import UsageError
 from hprs.training.algorithms import (
     ALGORITHMS,
-    Linear,
     find_algorithm,
     parse_settings,
     resolve_parameters,
-    schedule,
 )
+from hprs.training.schedules import Linear, schedule
 
 OWN = {
     "learning_rate": (float | Callable[[float], float], 3e-4),

@@ -6,6 +6,7 @@ import random
 import shutil
 import signal
 import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
@@ -253,13 +254,21 @@ def test_two_processes_do_not_train_one_run(stopped):
     assert sb3.train(stopped)
 
 
+DIES_WITH_THE_LOCK = """
+import os, sys
+from pathlib import Path
+from hprs.training.run_directory import RunDirectory
+RunDirectory(Path(sys.argv[1])).locked().__enter__()
+print(os.getpid(), flush=True)
+os._exit(0)
+"""
+
+
 def test_the_lock_vanishes_with_its_process(stopped):
-    child = os.fork()
-    if not child:
-        stopped.locked().__enter__()
-        os._exit(0)
-    os.waitpid(child, 0)
-    assert (stopped.path / ".lock").read_text() == str(child)
+    # Not a fork: JAX, where another test has loaded it, survives none.
+    command = [sys.executable, "-c", DIES_WITH_THE_LOCK, str(stopped.path)]
+    child = subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    assert (stopped.path / ".lock").read_text() == child
     assert sb3.train(stopped)
 
 
@@ -295,4 +304,4 @@ def test_a_read_only_run_can_be_read_and_not_be_trained(read_only):
     assert len(run.evaluations()) >= 4
     assert sb3.load_policy(run, "last") is not None
     with pytest.raises(RunError, match=r"^cannot write .*: Permission denied\.$"):
-        training(folder / "new")
+        training(folder / "new", run.configuration)

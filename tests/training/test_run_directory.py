@@ -1,14 +1,15 @@
 import json
-import os
 import shutil
-import time
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from hprs.envs import task_of, task_text_of
 from hprs.errors import RunError
-from hprs.training import evaluation_table, files
+from hprs.training import evaluation_table
 from hprs.training.checkpoint import Checkpoint, Progress
 from hprs.training.configuration import Configuration
 from hprs.training.environment import make_environment
@@ -100,27 +101,43 @@ def test_seeds_that_a_killed_process_made_and_did_not_begin_are_taken_over(run, 
     assert find_runs(run.path.parent) == runs
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
-def test_two_processes_that_make_the_same_runs_at_once_do_not_disturb_each_other(
-    tmp_path, monkeypatch
-):
-    write = files.write
-    monkeypatch.setattr(files, "write", lambda *args: (write(*args), time.sleep(0.02)))
-    configurations = [replace(CONFIGURATION, seed=seed) for seed in range(4)]
+MAKES_RUNS_SLOWLY = """
+import sys, time
+from dataclasses import replace
+from pathlib import Path
+from hprs.errors import RunError
+from hprs.training import files
+from hprs.training.run_directory import create_runs
+from tests.training.test_run_directory import CONFIGURATION
 
-    def make():
-        try:
-            create_runs(configurations, tmp_path)
-        except RunError as error:
-            os._exit(3 if "is being trained by another process (" in str(error) else 4)
-        os._exit(0)
+write = files.write
+files.write = lambda *args: (write(*args), time.sleep(0.02))
+print("ready", flush=True)
+sys.stdin.readline()
+try:
+    create_runs([replace(CONFIGURATION, seed=seed) for seed in range(4)], Path(sys.argv[1]))
+except RunError as error:
+    sys.exit(3 if "is being trained by another process (" in str(error) else 4)
+"""
 
-    children = []
-    for _ in range(2):
-        children.append(os.fork())
-        if not children[-1]:
-            make()
-    codes = sorted(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) for child in children)
+
+def test_two_processes_that_make_the_same_runs_at_once_do_not_disturb_each_other(tmp_path):
+    children = [
+        subprocess.Popen(
+            [sys.executable, "-c", MAKES_RUNS_SLOWLY, str(tmp_path)], text=True,
+            cwd=Path(__file__).parents[2], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+        )
+        for _ in range(2)
+    ]  # fmt: skip
+    for child in children:
+        assert child.stdout.readline() == "ready\n"
+    for child in children:
+        child.stdin.write("go\n")
+        child.stdin.flush()
+    codes = sorted(child.wait() for child in children)
+    for child in children:
+        child.stdin.close()
+        child.stdout.close()
     assert codes in ([0, 0], [0, 3])
     assert len(find_runs(folder_of(CONFIGURATION, tmp_path))) == 4
 

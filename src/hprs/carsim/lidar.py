@@ -19,11 +19,13 @@ from numpy.typing import NDArray
 
 from hprs.carsim.body import BODY, Body, outline
 from hprs.carsim.track import SIGHT, Track, cell_of
-from hprs.carsim.vehicle import Car
+from hprs.carsim.vehicle import Car, VehicleParameters
 from hprs.errors import UsageError
 
 BEAMS = 64
 """Beams of the paper's lidar."""
+_AHEAD_OF_REAR_AXLE = 0.217
+"""Place of the paper's lidar in m."""
 _ROUNDINGS = 100
 """Walls are longer by so many units of the last place of 1 m: nothing is seen through a joint."""
 _TINY = 1e-30
@@ -41,8 +43,8 @@ class Lidar:
     """From the first beam to the last one, rad."""
     reach: float = SIGHT
     """Largest reading in m. A Hokuyo UST-10LX on a real car sees 10 m."""
-    ahead: float = 0.217 - 0.17145
-    """Of the centre of mass in m; the paper's code has it 0.217 m ahead of the rear axle."""
+    ahead: float = _AHEAD_OF_REAR_AXLE - float(VehicleParameters.rear_axle)
+    """Of the centre of mass in m."""
 
     def __post_init__(self) -> None:
         if self.beams < 1:

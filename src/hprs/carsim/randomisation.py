@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from hprs.carsim.actuators import ActuatorParameters
+from hprs.carsim.actuators import MAX_SPEED_COMMAND, ActuatorParameters
 from hprs.carsim.vehicle import VehicleParameters
 from hprs.errors import UsageError, did_you_mean
 
@@ -113,8 +113,6 @@ QUANTITIES = (
 _NAMES = tuple(quantity.name for quantity in QUANTITIES)
 _WHEEL_RADIUS = 0.05
 """m; of the paper's car, whose speed command becomes an angular velocity of the wheels."""
-_TOP_SPEED = 3.5
-"""m/s; the speed command that top_speed stretches."""
 
 
 @partial(jax.tree_util.register_dataclass, data_fields=["low", "high"], meta_fields=[])
@@ -173,7 +171,8 @@ def nominal(dtype: jnp.dtype | type = jnp.float32) -> Parameters:
 def _parameters(values: Array) -> Parameters:
     drawn = dict(zip(_NAMES, values, strict=True))
     wheel_speed, top_speed = drawn.pop("wheel_speed"), drawn.pop("top_speed")
-    drawn["speed_gain"] = wheel_speed * _WHEEL_RADIUS * top_speed / _TOP_SPEED
+    # `top_speed` stretches the speed command.
+    drawn["speed_gain"] = wheel_speed * _WHEEL_RADIUS * top_speed / MAX_SPEED_COMMAND
     drawn["delay"] = jnp.round(drawn["delay"]).astype(jnp.int32)
     return Parameters(
         vehicle=_filled(VehicleParameters, drawn, values.dtype),

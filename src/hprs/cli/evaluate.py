@@ -144,6 +144,7 @@ class Evaluate:
         from hprs.spec.parameters import parse_constants
         from hprs.training.algorithms import parse_settings
         from hprs.training.environment import check_options, find_task, make_environment
+        from hprs.training.policies import named_policy
 
         task, _ = find_task(self.subject, self.task, parse_constants(self.constants))
         options = parse_settings(self.options, "--env")
@@ -153,7 +154,7 @@ class Evaluate:
             return make_environment(self.subject, task, "sparse", horizon=self.horizon, **options)
 
         environment = make()
-        policy = _named_policy(str(self.policy), environment)
+        policy = named_policy(str(self.policy), environment)
         environment.close()
         return f"{self.subject}, policy {self.policy}", make, {"policy": policy}
 
@@ -173,30 +174,6 @@ def _floors(space: Any) -> dict[str, Policy]:
     if zero_action(space) is not None:
         floors = {"doing nothing": do_nothing(space), **floors}
     return floors
-
-
-def _named_policy(name: str, environment: TaskWrapper) -> Policy:
-    from hprs.training.policies import RandomPolicy, check_spaces, do_nothing, import_policy
-
-    space = environment.action_space
-    if name == "zero":
-        return do_nothing(space)
-    if name == "random":
-        return RandomPolicy(space, seed=0)
-    if name.endswith(".zip"):
-        from hprs.training.sb3 import load_zip
-
-        policy = load_zip(Path(name))
-        check_spaces(name, policy.spaces, environment)
-        return policy
-    if ":" in name:
-        return import_policy(name, space)
-    from hprs.errors import did_you_mean
-
-    raise UsageError(
-        f"unknown policy '{name}'; it is zero, random, a .zip of Stable-Baselines3, or "
-        f"module:function.{did_you_mean(name, ('zero', 'random'))}"
-    )
 
 
 def _worst(task: Task, found: Mapping[str, Sequence[Assessment]]) -> dict[str, tuple[float, str]]:

@@ -18,8 +18,6 @@ from typing import Any
 from hprs.envs.registration import benchmark_of
 from hprs.errors import UsageError, did_you_mean
 from hprs.training.ranges import check_range, check_together, shown
-from hprs.training.schedules import Linear as Linear
-from hprs.training.schedules import schedule as schedule
 from hprs.training.schedules import start_of
 from hprs.training.tuning import Tuning, parse_tuning
 

@@ -15,7 +15,7 @@ import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
 
-from hprs.errors import PolicyError, UsageError
+from hprs.errors import PolicyError, UsageError, did_you_mean
 from hprs.wrappers.signals import zero_action
 
 
@@ -141,6 +141,36 @@ def import_policy(name: str, space: gym.Space[Any]) -> ForeignPolicy:
     if not callable(policy):
         raise UsageError(f"policy '{name}': module '{module}' has no function '{attribute}'.")
     return ForeignPolicy(name, policy, space)
+
+
+def named_policy(name: str, environment: gym.Env[Any, Any]) -> Policy:
+    """A policy as users name it.
+
+    Args:
+        name: `zero`, `random`, a .zip of Stable-Baselines3, or `module:function`.
+        environment: Where it shall act.
+
+    Raises:
+        UsageError: There is no such policy.
+        PolicyError: It cannot be imported, or was trained with other spaces.
+    """
+    space = environment.action_space
+    if name == "zero":
+        return do_nothing(space)
+    if name == "random":
+        return RandomPolicy(space, seed=0)
+    if name.endswith(".zip"):
+        from hprs.training.sb3 import load_zip
+
+        policy = load_zip(Path(name))
+        check_spaces(name, policy.spaces, environment)
+        return policy
+    if ":" in name:
+        return import_policy(name, space)
+    raise UsageError(
+        f"unknown policy '{name}'; it is zero, random, a .zip of Stable-Baselines3, or "
+        f"module:function.{did_you_mean(name, ('zero', 'random'))}"
+    )
 
 
 def check_spaces(

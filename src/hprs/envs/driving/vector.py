@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -14,6 +14,7 @@ from gymnasium.vector.utils import batch_space
 from jax import Array
 from numpy.typing import NDArray
 
+from hprs.envs.driving.options import Options, simulate
 from hprs.envs.driving.simulation import Episode, Signals, Simulation
 from hprs.envs.driving.single import METADATA, action_space, draw_key, observation_space
 from hprs.errors import UsageError
@@ -31,18 +32,31 @@ class DrivingVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     `SyncVectorEnv`. All three autoreset modes are there; `reset` takes `options["reset_mask"]`.
 
     Args:
-        simulation: What is driven.
         num_envs: How many cars learn.
+        max_episode_steps: Control steps after which an episode is truncated; None: as registered.
         autoreset_mode: When a row that has ended is reset.
+        **options: Those of the single environment.
+
+    Raises:
+        UsageError: There is no such option, or it has no such value.
+        TrackError: A map file cannot be read or driven.
     """
+
+    defaults: ClassVar[Options]
+    """Of the benchmark."""
 
     def __init__(
         self,
-        simulation: Simulation,
         num_envs: int = 1,
+        *,
+        max_episode_steps: int | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        **options: Any,
     ) -> None:
         super().__init__()
+        if max_episode_steps is not None:
+            options["horizon"] = max_episode_steps
+        simulation = simulate(self.defaults, **options)
         if isinstance(num_envs, bool) or not isinstance(num_envs, int) or num_envs < 1:
             raise UsageError(f"num_envs is a whole number from 1 on, not {num_envs!r}.")
         self.num_envs = num_envs

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
-
-from gymnasium.vector import AutoresetMode
 
 from hprs.envs.driving.options import Options, simulate
 from hprs.envs.driving.single import DrivingEnv
 from hprs.envs.driving.vector import DrivingVectorEnv
+from hprs.envs.registration import BENCHMARKS
 
-DEFAULTS = Options(tracks="gm-c", horizon=300, cars=2, stacked=3)
+DEFAULTS = Options(
+    tracks="gm-c", horizon=BENCHMARKS["hprs/FollowLeader-v0"].horizon, cars=2, stacked=3
+)
 """The paper's table: 3,000 simulation steps, 10 of them a control step."""
 
 
@@ -60,26 +60,6 @@ class FollowLeader(DrivingEnv):
 
 
 class FollowLeaderVector(DrivingVectorEnv):
-    """Many of them, stepped by one compiled call.
+    """Many of them, stepped by one compiled call; options are those of `FollowLeader`."""
 
-    Args:
-        num_envs: How many cars learn.
-        max_episode_steps: Control steps after which an episode is truncated.
-        autoreset_mode: When a row that has ended is reset.
-        **options: Those of `FollowLeader`.
-
-    Raises:
-        UsageError: There is no such option, or it has no such value.
-        TrackError: A map file cannot be read or driven.
-    """
-
-    def __init__(
-        self,
-        num_envs: int = 1,
-        *,
-        max_episode_steps: int = DEFAULTS.horizon,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
-        **options: Any,
-    ) -> None:
-        simulation = simulate(DEFAULTS, horizon=max_episode_steps, **options)
-        super().__init__(simulation, num_envs, autoreset_mode)
+    defaults = DEFAULTS

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
-
-from gymnasium.vector import AutoresetMode
 
 from hprs.envs.driving.options import Options, simulate
 from hprs.envs.driving.single import DrivingEnv
 from hprs.envs.driving.vector import DrivingVectorEnv
+from hprs.envs.registration import BENCHMARKS
 
-DEFAULTS = Options(tracks=("gm", "trt"), horizon=250)
+DEFAULTS = Options(tracks=("gm", "trt"), horizon=BENCHMARKS["hprs/SafeDriving-v0"].horizon)
 """The paper's table: 2,500 simulation steps, 10 of them a control step."""
 
 
@@ -57,26 +55,6 @@ class SafeDriving(DrivingEnv):
 
 
 class SafeDrivingVector(DrivingVectorEnv):
-    """Many of them, stepped by one compiled call.
+    """Many of them, stepped by one compiled call; options are those of `SafeDriving`."""
 
-    Args:
-        num_envs: How many cars learn.
-        max_episode_steps: Control steps after which an episode is truncated.
-        autoreset_mode: When a row that has ended is reset.
-        **options: Those of `SafeDriving`.
-
-    Raises:
-        UsageError: There is no such option, or it has no such value.
-        TrackError: A map file cannot be read or driven.
-    """
-
-    def __init__(
-        self,
-        num_envs: int = 1,
-        *,
-        max_episode_steps: int = DEFAULTS.horizon,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
-        **options: Any,
-    ) -> None:
-        simulation = simulate(DEFAULTS, horizon=max_episode_steps, **options)
-        super().__init__(simulation, num_envs, autoreset_mode)
+    defaults = DEFAULTS

@@ -14,6 +14,7 @@ from hprs.training.configuration import Configuration
 from hprs.training.environment import make_configured
 from hprs.training.episode_log import EpisodeLog
 from hprs.training.sb3.settings import hyperparameters
+from hprs.training.schedules import schedule
 
 if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
@@ -101,7 +102,7 @@ def _arguments(
     kind: type[BaseAlgorithm], configuration: Configuration, environments: VecEnv
 ) -> dict[str, Any]:
     parameters = configuration.parameters
-    chosen = {name: algorithms.schedule(parameters[name]) for name in hyperparameters(kind)}
+    chosen = {name: schedule(parameters[name]) for name in hyperparameters(kind)}
     chosen["policy_kwargs"] = {
         "net_arch": list(parameters["net_arch"]),
         **(parameters["policy_kwargs"] or {}),

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hprs.training.algorithms import schedule
 from hprs.training.arrays import pack, unpack
 from hprs.training.configuration import Configuration
 from hprs.training.episode_log import EpisodeLog, EpisodeState
@@ -24,6 +23,7 @@ from hprs.training.random_states import (
     set_global_states,
 )
 from hprs.training.sb3.model import algorithm_class, derive_seed
+from hprs.training.schedules import schedule
 
 if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
