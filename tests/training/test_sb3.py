@@ -1,6 +1,7 @@
 import json
 import os
 import signal
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -301,7 +302,7 @@ def test_a_task_that_does_not_fit_the_environment_is_refused(tmp_path, mountain)
         sb3.configure(CART_POLE, task_path=str(wrong))
 
 
-@pytest.mark.skipif(not os.path.exists("/dev/fd"), reason="needs pipes with a name")
+@pytest.mark.skipif(not Path("/dev/fd").exists(), reason="needs pipes with a name")
 def test_a_task_is_read_once_so_that_it_may_come_through_a_pipe():
     text = "signal x = obs[0] in [-5, 5]\nensure near: abs(x) <= 2\n"
     reading, writing = os.pipe()
