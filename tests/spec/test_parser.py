@@ -45,7 +45,7 @@ def within_a_second(work: Callable[[], object]) -> None:
     pytest.fail(f"it took more than {allowed} s three times")
 
 
-def refusal(read: Callable[[], object], match: str = "") -> str:
+def refusal(read: Callable[[], object], match: str | None = None) -> str:
     with pytest.raises(SpecError, match=match) as caught:
         read()
     return str(caught.value)
