@@ -14,7 +14,7 @@ import pytest
 import torch
 
 from hprs.errors import RunError
-from hprs.training import files, sb3
+from hprs.training import files, run_directory, sb3
 from hprs.training.listener import Silence
 from hprs.training.run_directory import RunDirectory, create_runs
 from hprs.training.sb3 import training as training_module
@@ -294,7 +294,9 @@ def read_only():
     shutil.rmtree(folder)
 
 
-def test_a_read_only_run_can_be_read_and_not_be_trained(read_only):
+def test_a_read_only_run_can_be_read_and_not_be_trained(read_only, monkeypatch):
+    # Whoever may not write here may not be allowed to enter the project's folder either.
+    monkeypatch.setattr(run_directory, "provenance", dict)
     folder, lock = read_only
     run = training(folder)
     assert not sb3.train(run, Interrupter(100))
