@@ -211,3 +211,13 @@ def test_float64_is_exact_to_a_nanometre():
 def test_a_body_that_the_tracks_do_not_suit_is_refused(size):
     with pytest.raises(UsageError, match="does not suit the tracks"):
         Body(*size)
+
+
+@pytest.mark.parametrize("field", range(3))
+def test_a_pose_that_is_nan_is_not_taken_for_one_without_contact(field):
+    poses = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]], np.float32)
+    poses[0, field] = np.nan
+    assert at_walls(padded("gm"), cars_at(poses)).tolist() == [True, False]
+    others = cars_at(np.array([[3.0, 0.0, 0.0]] * 2, np.float32))
+    assert cars_touch(cars_at(poses), others).tolist() == [True, False]
+    assert cars_touch(others, cars_at(poses)).tolist() == [True, False]

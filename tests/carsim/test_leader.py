@@ -97,3 +97,8 @@ def test_speeds_fill_their_ranges():
     ):
         assert low <= values.min() < low + 0.01
         assert high - 0.01 < values.max() <= high
+
+
+def test_a_reading_that_is_nan_gives_no_steering():
+    scan = jnp.full(64, 3.0).at[20].set(jnp.nan)
+    assert np.isnan(follow_the_gap(scan, ANGLES, parameters=LEADER).steering)

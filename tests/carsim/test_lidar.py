@@ -355,3 +355,13 @@ def test_the_first_beam_points_to_the_left_rear_and_beams_are_equally_spaced():
 def test_a_lidar_that_cannot_be_is_refused(wrong_value):
     with pytest.raises(UsageError, match=r"A lidar"):
         Lidar(**wrong_value)
+
+
+@pytest.mark.parametrize("field", range(3))
+def test_a_pose_that_is_nan_gives_readings_that_are_nan(field):
+    pose, other = free_poses("gm-c", 2, seed=6)[:, None].repeat(2, axis=1)
+    pose[0, field] = other[1, field] = np.nan
+    assert np.isnan(scans(padded("gm-c"), cars_at(pose))[0]).all()
+    # One world in a batch says nothing about the others.
+    assert np.isfinite(scans(padded("gm-c"), cars_at(pose))[1]).all()
+    assert np.isnan(scans_behind(padded("gm-c"), cars_at(pose), cars_at(other))).all()

@@ -181,3 +181,16 @@ def test_the_precision_is_that_of_the_arrays():
         room = jax.eval_shape(tracks.clearance, track, pose[:2])
         assert {pose.dtype, found.dtype, room.dtype} == {jnp.dtype("float64")}
         assert abs(float(found) - 3.0) < 2e-3
+
+
+@pytest.mark.parametrize(
+    ("place", "previous"), [((np.nan, 0.0), 0.0), ((0.0, np.nan), 0.0), ((0.0, 0.0), np.nan)]
+)
+def test_nan_comes_out_where_nan_went_in(place, previous):
+    track, position = padded("gm"), jnp.array(place, jnp.float32)
+    assert np.isnan(progress(track, position, jnp.float32(previous)))
+    if np.isfinite(previous):
+        assert np.isnan(locate(track, position))
+        assert np.isnan(wall_distances(track, position[None])).all()
+    else:
+        assert np.isnan(pose_at(track, jnp.float32(previous), 0.0)).all()

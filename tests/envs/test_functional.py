@@ -34,19 +34,19 @@ def test_what_does_not_exist_is_one_clear_error(name, options, message):
     assert message in str(caught.value)
 
 
+@jax.jit
+def rollout(simulation, keys, actions):
+    def stepped(episodes, action):
+        episodes, *answer = jax.vmap(simulation.step)(episodes, action)
+        return episodes, answer
+
+    episodes, _, signals = jax.vmap(simulation.reset)(keys)
+    return episodes, signals, jax.lax.scan(stepped, episodes, actions)[1]
+
+
 def test_a_batch_of_rollouts_is_one_compiled_scan_over_different_tracks():
     simulation = functional.make(SAFE, horizon=5)
-
-    @jax.jit
-    def rollout(simulation, keys, actions):
-        def stepped(episodes, action):
-            episodes, *answer = jax.vmap(simulation.step, (0, None))(episodes, action)
-            return episodes, answer
-
-        episodes, _, signals = jax.vmap(simulation.reset)(keys)
-        return episodes, signals, jax.lax.scan(stepped, episodes, actions)[1]
-
-    actions = jnp.tile(jnp.array([0.5, 0.0], jnp.float32), (6, 1))
+    actions = jnp.tile(jnp.array([0.5, 0.0], jnp.float32), (6, 8, 1))
     keys = jax.random.split(jax.random.key(0), 8)
     episodes, start, (seen, signals, rewards, terminated, truncated) = rollout(
         simulation, keys, actions
@@ -59,3 +59,26 @@ def test_a_batch_of_rollouts_is_one_compiled_scan_over_different_tracks():
     assert (np.diff(progress, axis=0) >= 0).all()
     # Truncated from the horizon on, unless the episode has terminated.
     assert np.array_equal(truncated, (np.arange(6) >= 4)[:, None] & ~np.asarray(terminated))
+
+
+@pytest.mark.parametrize("part", [0, 1])
+def test_an_action_that_is_nan_shows_in_all_that_follows_and_in_no_other_episode(part):
+    simulation = functional.make(SAFE, horizon=5)
+    actions = np.tile(np.array([0.5, 0.0], np.float32), (6, 8, 1))
+    actions[2, 3, part] = np.nan
+    _, _, (seen, signals, rewards, terminated, truncated) = rollout(
+        simulation, jax.random.split(jax.random.key(0), 8), actions
+    )
+    # A car whose commands are delayed drives on as before for up to a few steps.
+    assert np.isnan(seen[2:, 3]).any(axis=1).all()
+    assert np.isnan(signals[("speed_command", "steering")[part]][2, 3])
+    for late in (rewards, signals["progress"], signals["clearance"], signals["speed"]):
+        assert np.isnan(late[5:, 3]).all()
+    # A flag cannot be NaN: what is not known to be free of contact ends the episode.
+    assert np.isnan(seen[5, 3, 6:]).all()
+    assert terminated[5, 3]
+    assert not truncated[5, 3]
+    others = np.arange(8) != 3
+    for answer in (seen, rewards, *signals.values()):
+        assert np.isfinite(answer[:2]).all()
+        assert np.isfinite(answer[:, others]).all()

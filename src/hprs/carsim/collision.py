@@ -17,7 +17,7 @@ from hprs.carsim.vehicle import Car
 
 
 def touches_wall(track: Track, car: Car, *, body: Body = BODY) -> Array:
-    """Whether a car's rectangle and a wall share a point, () bool.
+    """Whether a car's rectangle and a wall share a point, () bool; true of a pose that is NaN.
 
     Args:
         track: The track.
@@ -25,11 +25,11 @@ def touches_wall(track: Track, car: Car, *, body: Body = BODY) -> Array:
         body: Of the car.
     """
     walls = track.walls[track.near[cell_of(track, car.position)]]
-    return jnp.any(_reaches(walls, car, body))
+    return ~jnp.all(_is_clear(walls, car, body))
 
 
 def touches_car(car: Car, other: Car, *, body: Body = BODY) -> Array:
-    """Whether the rectangles of two cars share a point, bool of the fields' shape.
+    """Whether the rectangles of two cars share a point, bool of the fields' shape; true of NaN.
 
     Args:
         car: One car.
@@ -42,15 +42,15 @@ def touches_car(car: Car, other: Car, *, body: Body = BODY) -> Array:
     # Half of what the other rectangle measures along the axes of the first one, and vice versa.
     longest = along + along * cosine + across * sine
     widest = across + along * sine + across * cosine
-    overlap = [
-        (jnp.abs(ahead) <= longest) & (jnp.abs(aside) <= widest)
+    apart = [
+        (jnp.abs(ahead) > longest) | (jnp.abs(aside) > widest)
         for ahead, aside in (_seen_from(car, other.x, other.y), _seen_from(other, car.x, car.y))
     ]
-    return overlap[0] & overlap[1]
+    return ~(apart[0] | apart[1])
 
 
-def _reaches(walls: Array, car: Car, body: Body) -> Array:
-    """Which walls (M, 4) reach into a car's rectangle; (M,)."""
+def _is_clear(walls: Array, car: Car, body: Body) -> Array:
+    """Which walls (M, 4) keep off a car's rectangle; (M,). Of NaN none does: it proves nothing."""
     along, across = body.length / 2, body.width / 2
     x0, y0 = _seen_from(car, walls[:, 0], walls[:, 1])
     x1, y1 = _seen_from(car, walls[:, 2], walls[:, 3])
@@ -59,9 +59,9 @@ def _reaches(walls: Array, car: Car, body: Body) -> Array:
     lever = jnp.abs(middle_x * half_y - middle_y * half_x)
     half_x, half_y = jnp.abs(half_x), jnp.abs(half_y)
     return (
-        (jnp.abs(middle_x) <= along + half_x)
-        & (jnp.abs(middle_y) <= across + half_y)
-        & (lever <= along * half_y + across * half_x)
+        (jnp.abs(middle_x) > along + half_x)
+        | (jnp.abs(middle_y) > across + half_y)
+        | (lever > along * half_y + across * half_x)
     )
 
 

@@ -62,7 +62,8 @@ def follow_the_gap(scan: Array, angles: Array, *, parameters: LeaderParameters) 
     first, last, is_gap = widest_run(scan > parameters.threshold)
     middle = (angles[first] + angles[last]) / 2
     angle = jnp.where(is_gap, jnp.clip(middle, -STEERING_SCALE, STEERING_SCALE), 0.0)
-    steering = angle / STEERING_SCALE
+    # A reading that is NaN is no end of a gap.
+    steering = angle / STEERING_SCALE + 0 * jnp.sum(scan)
     eased = parameters.base_speed + (1 - jnp.abs(steering)) * parameters.variable_speed
     speed = jnp.where(is_gap, eased, parameters.base_speed)
     return Command(steering, jnp.clip(speed, 0.0, MAX_SPEED_COMMAND).astype(scan.dtype))

@@ -88,7 +88,7 @@ def measure(
         body: Of the others.
 
     Returns:
-        Distances in m, at most the reach, (beams,).
+        Distances in m, at most the reach, (beams,). NaN if a pose is: what is seen is unknown.
     """
     cosine, sine = jnp.cos(car.yaw), jnp.sin(car.yaw)
     x, y = car.x + lidar.ahead * cosine, car.y + lidar.ahead * sine
@@ -108,7 +108,11 @@ def measure(
     along = turned(walls[:, 2] - walls[:, 0], walls[:, 3] - walls[:, 1])
     angles = beam_angles(lidar)
     directions = (jnp.asarray(each, x.dtype) for each in (np.cos(angles), np.sin(angles)))
-    return 1 / jnp.maximum(_closeness(start, end, along, *directions), 1 / lidar.reach)
+    scan = 1 / jnp.maximum(_closeness(start, end, along, *directions), 1 / lidar.reach)
+    # A comparison with NaN is false, as with a wall that is not met.
+    for unknown in [x + y] + ([] if others is None else [others.x + others.y + others.yaw]):
+        scan += 0 * jnp.sum(unknown)
+    return scan
 
 
 def with_noise(scan: Array, uniform: Array, *, share: Array | float, reach: float = SIGHT) -> Array:

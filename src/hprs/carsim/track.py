@@ -135,7 +135,9 @@ def progress(track: Track, position: Array, previous: Array) -> Array:
         places = guess + jnp.asarray(offsets * step, position.dtype)
         points = _take(track.centre, jnp.round(places / spacing).astype(jnp.int32))
         guess = places[jnp.argmin(jnp.sum((points - position) ** 2, axis=-1))]
-    return _foot(track, position, jnp.round(guess / spacing).astype(jnp.int32))
+    found = _foot(track, position, jnp.round(guess / spacing).astype(jnp.int32))
+    # As an index NaN is some number.
+    return found + 0 * previous
 
 
 def locate(track: Track, position: Array) -> Array:
