@@ -192,7 +192,8 @@ def test_coming_close_to_the_leader_violates_the_distance_and_touching_it_ends_t
         ({"beams": 6.5}, "beams is a whole number"),
         ({"stacked": True}, "stacked is a whole number"),
         ({"reverse": "yes"}, "reverse is True or False, not 'yes'"),
-        ({"render_mode": "human"}, "draws nothing"),
+        ({"render_mode": "ansi"}, "render_mode is rgb_array or None, not 'ansi'"),
+        ({"camera": "folow"}, "camera is fixed or follow, not 'folow'. Did you mean 'follow'?"),
     ],
 )
 @pytest.mark.filterwarnings("ignore:.*render:UserWarning")

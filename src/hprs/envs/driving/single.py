@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium as gym
 import jax
@@ -14,6 +14,7 @@ from jax import Array
 
 from hprs.carsim.packed import Layout, layout_of
 from hprs.carsim.race import CONTROL_STEP
+from hprs.envs.driving.rendering import RENDER_MODES, make_drawing
 from hprs.envs.driving.simulation import Episode, Signals, Simulation
 from hprs.errors import UsageError
 
@@ -29,15 +30,17 @@ class DrivingEnv(gym.Env[np.ndarray, np.ndarray]):
 
     Args:
         simulation: What is driven.
-        render_mode: None; it draws nothing by itself.
+        render_mode: `rgb_array`, for pictures from above, or None.
+        camera: Of the pictures: `fixed`, the whole track, or `follow`, around the car.
     """
 
-    metadata = METADATA
+    metadata: ClassVar[dict[str, Any]] = {**METADATA, "render_modes": list(RENDER_MODES)}
 
-    def __init__(self, simulation: Simulation, render_mode: str | None = None) -> None:
-        if render_mode is not None:
-            raise UsageError(f"This environment draws nothing: render_mode {render_mode!r}.")
-        self.render_mode = None
+    def __init__(
+        self, simulation: Simulation, render_mode: str | None = None, camera: str = "fixed"
+    ) -> None:
+        self._drawing = make_drawing(simulation, render_mode, camera)
+        self.render_mode = render_mode
         self.simulation = simulation
         self.observation_space = observation_space(simulation)
         self.action_space = action_space()
@@ -51,6 +54,8 @@ class DrivingEnv(gym.Env[np.ndarray, np.ndarray]):
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Start an episode; all that it draws comes from two words of `np_random`."""
         super().reset(seed=seed)
+        if self._drawing is not None:
+            self._drawing.restart()
         observation, tail = self._read(_reset(self.simulation, draw_key(self.np_random)))
         return observation, {"signals": dict(zip(self._names, tail[:-2], strict=True))}
 
@@ -67,10 +72,21 @@ class DrivingEnv(gym.Env[np.ndarray, np.ndarray]):
         signals = dict(zip(self._names, tail[:-2], strict=True))
         return observation, tail[-2], tail[-1] != 0, False, {"signals": signals}
 
+    def render(self) -> np.ndarray:
+        """The picture of the newest state, (480, 720, 3) uint8."""
+        if self._drawing is None:
+            raise UsageError(
+                "Nothing is drawn without a mode: gymnasium.make(..., render_mode='rgb_array')."
+            )
+        return self._drawing.picture()
+
     def _read(self, packed: Array) -> tuple[np.ndarray, list[float]]:
         """The observation; the signals, the reward and whether the episode has terminated."""
         self._packed = packed
-        numbers = np.asarray(packed).view(np.float32)
+        words = np.asarray(packed)
+        if self._drawing is not None:
+            self._drawing.see(words)
+        numbers = words.view(np.float32)
         return numbers[self._at : self._tail].copy(), numbers[self._tail :].tolist()
 
 

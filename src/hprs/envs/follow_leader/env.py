@@ -19,7 +19,7 @@ class FollowLeader(DrivingEnv):
     """A car that has to drive a lap behind another one.
 
     Args:
-        render_mode: None.
+        render_mode: `rgb_array` or None; `gymnasium.make` knows `rgb_array_list` and `human` too.
         tracks: Names of built-in tracks, `random:SEED`, or map files; each episode draws one.
         reverse: Drive them the other way round.
         randomisation: Vary both cars, their sensors and actuators; or a name of ranges: `all`,
@@ -28,6 +28,7 @@ class FollowLeader(DrivingEnv):
         beams: Of the lidar that is observed; the leader's has 64.
         stacked: Scans and speeds in an observation.
         gap_threshold: Distance in m beyond which the leader takes a beam for a gap.
+        camera: Of pictures: `fixed`, the whole track, or `follow`, around the car.
 
     Raises:
         UsageError: An option has no such value.
@@ -45,6 +46,7 @@ class FollowLeader(DrivingEnv):
         beams: int = DEFAULTS.beams,
         stacked: int = DEFAULTS.stacked,
         gap_threshold: float = DEFAULTS.gap_threshold,
+        camera: str = "fixed",
     ) -> None:
         simulation = simulate(
             DEFAULTS,
@@ -56,7 +58,7 @@ class FollowLeader(DrivingEnv):
             stacked=stacked,
             gap_threshold=gap_threshold,
         )
-        super().__init__(simulation, render_mode)
+        super().__init__(simulation, render_mode, camera)
 
 
 class FollowLeaderVector(DrivingVectorEnv):

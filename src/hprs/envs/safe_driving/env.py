@@ -17,7 +17,7 @@ class SafeDriving(DrivingEnv):
     """A car that has to drive a lap.
 
     Args:
-        render_mode: None.
+        render_mode: `rgb_array` or None; `gymnasium.make` knows `rgb_array_list` and `human` too.
         tracks: Names of built-in tracks, `random:SEED`, or map files; each episode draws one.
         reverse: Drive them the other way round.
         randomisation: Vary car, sensors and actuators; or a name of ranges: `all`, `released`,
@@ -25,6 +25,7 @@ class SafeDriving(DrivingEnv):
         start: `random`, anywhere on the track, or `grid`, at the start line.
         beams: Of the lidar.
         stacked: Scans and speeds in an observation.
+        camera: Of pictures: `fixed`, the whole track, or `follow`, around the car.
 
     Raises:
         UsageError: An option has no such value.
@@ -41,6 +42,7 @@ class SafeDriving(DrivingEnv):
         start: str = DEFAULTS.start,
         beams: int = DEFAULTS.beams,
         stacked: int = DEFAULTS.stacked,
+        camera: str = "fixed",
     ) -> None:
         simulation = simulate(
             DEFAULTS,
@@ -51,7 +53,7 @@ class SafeDriving(DrivingEnv):
             beams=beams,
             stacked=stacked,
         )
-        super().__init__(simulation, render_mode)
+        super().__init__(simulation, render_mode, camera)
 
 
 class SafeDrivingVector(DrivingVectorEnv):
