@@ -210,6 +210,19 @@ def test_rendering_changes_no_number(drawn):
         assert plain.np_random.bit_generator.state == env.np_random.bit_generator.state
 
 
+def test_drivers_that_know_everything_can_read_the_state():
+    env = gym.make(SAFE).unwrapped
+    with pytest.raises(UsageError, match="no episode before reset"):
+        _ = env.episode
+    env.reset(seed=3)
+    signals = env.step(ACTION)[4]["signals"]
+    episode = env.episode
+    assert episode.commands[-1].tolist() == [signals["steering"], signals["speed_command"]]
+    assert episode.world.distance[0] / env.simulation.tracks.length[episode.track] == (
+        pytest.approx(signals["progress"], abs=1e-6)
+    )
+
+
 def test_the_picture_is_of_the_running_episode(drawn):
     env = drawn["follow"]
     env.reset(seed=3)

@@ -12,8 +12,8 @@ import numpy as np
 from gymnasium import spaces
 from jax import Array
 
-from hprs.carsim.packed import Layout, layout_of
 from hprs.carsim.race import CONTROL_STEP
+from hprs.envs.driving.layout import episode_layout
 from hprs.envs.driving.rendering import RENDER_MODES, make_drawing
 from hprs.envs.driving.simulation import Episode, Signals, Simulation
 from hprs.errors import UsageError
@@ -45,7 +45,7 @@ class DrivingEnv(gym.Env[np.ndarray, np.ndarray]):
         self.observation_space = observation_space(simulation)
         self.action_space = action_space()
         self._names = simulation.signal_names
-        self._at = _episode_layout(simulation).size
+        self._at = episode_layout(simulation).size
         self._tail = self._at + simulation.observation_size
         self._packed: Array | None = None
 
@@ -71,6 +71,14 @@ class DrivingEnv(gym.Env[np.ndarray, np.ndarray]):
         observation, tail = self._read(_step(self.simulation, self._packed, action))
         signals = dict(zip(self._names, tail[:-2], strict=True))
         return observation, tail[-2], tail[-1] != 0, False, {"signals": signals}
+
+    @property
+    def episode(self) -> Episode:
+        """The state of the running episode, as NumPy arrays: for drivers that know everything."""
+        if self._packed is None:
+            raise UsageError("There is no episode before reset().")
+        layout = episode_layout(self.simulation)
+        return layout.read(np.asarray(self._packed)[: layout.size])
 
     def render(self) -> np.ndarray:
         """The picture of the newest state, (480, 720, 3) uint8."""
@@ -105,10 +113,6 @@ def draw_key(generator: np.random.Generator) -> np.ndarray:
     return generator.integers(0, 2**32, 2, np.uint32)
 
 
-def _episode_layout(simulation: Simulation) -> Layout[Episode]:
-    return layout_of(jax.eval_shape(lambda key: simulation.reset(key)[0], jax.random.key(0)))
-
-
 @jax.jit
 def _reset(simulation: Simulation, key: Array) -> Array:
     episode, observation, signals = simulation.reset(jax.random.wrap_key_data(key))
@@ -118,7 +122,7 @@ def _reset(simulation: Simulation, key: Array) -> Array:
 
 @jax.jit
 def _step(simulation: Simulation, packed: Array, action: Array) -> Array:
-    layout = _episode_layout(simulation)
+    layout = episode_layout(simulation)
     episode = layout.unpack(packed[: layout.size])
     episode, observation, signals, reward, terminated, _ = simulation.step(episode, action)
     return _pack(simulation, episode, observation, signals, reward, terminated)
@@ -136,4 +140,4 @@ def _pack(
     tail += [reward, terminated.astype(observation.dtype)]
     results = jnp.concatenate([observation, jnp.stack(tail)])
     words = jax.lax.bitcast_convert_type(results, jnp.uint32)
-    return jnp.concatenate([_episode_layout(simulation).pack(episode), words])
+    return jnp.concatenate([episode_layout(simulation).pack(episode), words])

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections import deque
 from typing import Any
 
-import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from hprs.carsim.packed import Layout, layout_of
+from hprs.envs.driving.layout import episode_layout
 from hprs.envs.driving.rendering.ground import ground_of
 from hprs.envs.driving.rendering.picture import Painter
 from hprs.envs.driving.rendering.scene import scene_of
@@ -33,7 +32,6 @@ class Drawing:
         # Reading a state costs more than a step: only what is drawn is read, and once.
         self._unread: deque[NDArray[np.uint32]] = deque(maxlen=TRAIL)
         self._states: deque[Episode] = deque(maxlen=TRAIL)
-        self._layout: Layout[Episode] | None = None
         self._painters: dict[int, Painter] = {}
 
     def restart(self) -> None:
@@ -54,11 +52,9 @@ class Drawing:
         """
         if not (self._states or self._unread):
             raise UsageError("render() was called before reset().")
-        if self._layout is None:
-            shapes = jax.eval_shape(lambda key: self._simulation.reset(key)[0], jax.random.key(0))
-            self._layout = layout_of(shapes)
+        layout = episode_layout(self._simulation)
         while self._unread:
-            self._states.append(self._layout.read(self._unread.popleft()))
+            self._states.append(layout.read(self._unread.popleft()))
         index = int(self._states[-1].track)
         if index not in self._painters:
             ground = ground_of(self._simulation.tracks, index)
@@ -67,5 +63,5 @@ class Drawing:
         return painter.paint(scene_of(self._states, painter.ground.length))
 
     def __getstate__(self) -> dict[str, Any]:
-        # Neither can be copied everywhere, and both are made again.
-        return {**self.__dict__, "_layout": None, "_painters": {}}
+        # Pens cannot be copied; what paints is made again.
+        return {**self.__dict__, "_painters": {}}
