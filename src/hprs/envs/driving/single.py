@@ -12,6 +12,7 @@ import numpy as np
 from gymnasium import spaces
 from jax import Array
 
+from hprs.carsim.packed import as_one_kernel
 from hprs.carsim.race import CONTROL_STEP
 from hprs.envs.driving.layout import episode_layout
 from hprs.envs.driving.rendering import RENDER_MODES, make_drawing
@@ -120,7 +121,7 @@ def _reset(simulation: Simulation, key: Array) -> Array:
     return _pack(simulation, episode, observation, signals, zero, zero)
 
 
-@jax.jit
+@as_one_kernel
 def _step(simulation: Simulation, packed: Array, action: Array) -> Array:
     layout = episode_layout(simulation)
     episode = layout.unpack(packed[: layout.size])
