@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+from functools import partial
+
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from hprs.carsim import track as tracks
 from hprs.carsim.geometry import loop_segments, point_distances
+from hprs.carsim.lidar import beam_angles, measure
 from hprs.carsim.map_file import load_map
+from hprs.carsim.vehicle import at_rest
 from hprs.errors import TrackError
-from tests.carsim.maps import picture, write_centre_line, write_map
+from tests.carsim.maps import march, picture, write_centre_line, write_map
 from tests.carsim.tracks import track_of, walls_of
 
 FREE, CORNER = picture("gm")
+scans = jax.jit(jax.vmap(measure, (None, 0)))
 
 
 @pytest.fixture
@@ -46,6 +54,31 @@ def test_both_directions_can_be_driven(gm_map):
     forwards, backwards = load_map(gm_map), load_map(gm_map, reverse=True)
     np.testing.assert_allclose(forwards.centre[0], backwards.centre[0], atol=1e-5)
     np.testing.assert_allclose(forwards.centre[1], backwards.centre[-1], atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("name", "beside", "reverse"),
+    [("gm", False, False), ("gm", False, True), ("gm", True, False), ("gm", True, True), ("trt", False, False)],
+)  # fmt: skip
+def test_the_lidar_is_within_a_cell_of_a_march_over_the_picture(tmp_path, name, beside, reverse):
+    free, corner = (FREE, CORNER) if name == "gm" else picture(name)
+    path = write_map(tmp_path, free, origin=(*corner, 0.0))
+    line = write_centre_line(tmp_path, name) if beside else None
+    track = load_map(path, centre_line=line, reverse=reverse)
+    generator = np.random.default_rng(0)
+    index = generator.integers(tracks.POINTS, size=80)
+    room = np.asarray(track.left)[index] - 0.15, np.asarray(track.right)[index] - 0.15
+    places = index / tracks.POINTS * float(track.length), generator.uniform(-room[1], room[0])
+    poses = np.asarray(jax.vmap(partial(tracks.pose_at, track))(*places)).copy()
+    poses[:, 2] += generator.uniform(-np.pi, np.pi, len(poses))
+    found = np.asarray(scans(track, at_rest(*jnp.asarray(poses.T))))
+    nominal, least, most, step = march(free, corner, poses, beam_angles())
+    # A wall that is a cell off moves the end of a grazing beam by many: the bounds are those of
+    # beams that keep a cell away from walls, and of beams that go a cell deep into them.
+    assert (found >= least - step).all()
+    assert (found <= most + step).all()
+    assert (np.abs(found - nominal) <= 0.05 + step).mean() > 0.8
+    assert (most - least < 0.5).mean() > 0.8
 
 
 @pytest.mark.parametrize(
@@ -95,6 +128,13 @@ def narrow(free):
     return gap
 
 
+def a_ring_of_one_cell():
+    ring = np.zeros((200, 200), bool)
+    ring[20:180, 20:180] = True
+    ring[21:179, 21:179] = False
+    return ring
+
+
 @pytest.mark.parametrize(
     ("free", "changes", "message"),
     [
@@ -107,10 +147,19 @@ def narrow(free):
         (FREE, {"resolution": 50}, "resolution is 50 m a cell; expected 0.001 to 1"),
         (FREE, {"resolution": "wide"}, "'wide' stands where a number is expected"),
         (FREE, {"resolution": None}, "lacks resolution; a map_server file has them"),
+        (FREE, {"resolution": "true"}, "True stands where a number is expected"),
+        (FREE, {"origin": (np.nan, 0.0, 0.0)}, "'nan' stands where a number is expected"),
+        (FREE, {"origin": (5e5, 5e6, 0.0)}, r"is 5e\+06 m from \(0, 0\); within 10000 m positions"),
         (FREE, {"origin": (0.0, 0.0)}, r"origin is \[0.0, 0.0\]; expected \[x, y, yaw\]"),
         (FREE, {"free_thresh": 0.7}, "needs 0 <= free_thresh <= occupied_thresh <= 1"),
         (FREE, {"mode": "grey"}, "mode is 'grey'; expected trinary, scale or raw"),
         (FREE, {"image": "other.png"}, "other.png, which does not exist"),
+        (FREE, {"image": "."}, "is not a picture that can be read"),
+        (
+            a_ring_of_one_cell(),
+            {"origin": (0.0, 0.0, 0.0)},
+            r"is too narrow near .* no room between",
+        ),
     ],
 )
 def test_a_wrong_map_gives_one_error_that_names_file_and_reason(tmp_path, free, changes, message):
@@ -127,12 +176,13 @@ def test_a_wrong_map_gives_one_error_that_names_file_and_reason(tmp_path, free, 
         ("a: [", "is not YAML"),
         ("- 1", "holds no fields"),
         ("", "holds no fields"),
+        (b"\x89PNG", "is not YAML. A map is named by its YAML file"),
     ],
 )
 def test_a_file_that_is_no_map_is_named(tmp_path, text, message):
     path = tmp_path / "map.yaml"
     if text is not None:
-        path.write_text(text)
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(TrackError, match=f"map.yaml: {message}"):
         load_map(path)
 
@@ -147,6 +197,8 @@ def test_a_picture_that_cannot_be_read_is_named(gm_map):
     ("edit", "message"),
     [
         (lambda rows: None, "centerline.csv: cannot be read"),
+        (lambda rows: ["\udcff"], "is not text"),
+        (lambda rows: [], "holds 0 points"),
         (lambda rows: rows[:4], "holds 3 points"),
         (lambda rows: rows[:100], "is not closed: its last point is"),
         (lambda rows: [*rows, "1.0"], "a row lacks a number"),
@@ -163,7 +215,7 @@ def test_a_picture_that_cannot_be_read_is_named(gm_map):
             "crosses itself|leaves the free space",
         ),
     ],
-    ids=["missing", "few", "open", "short row", "nan", "elsewhere", "folded"],
+    ids=["missing", "binary", "empty", "few", "open", "short row", "nan", "elsewhere", "folded"],
 )
 def test_a_wrong_centre_line_gives_one_error(gm_map, tmp_path, edit, message):
     path = write_centre_line(tmp_path, "gm")
@@ -171,6 +223,7 @@ def test_a_wrong_centre_line_gives_one_error(gm_map, tmp_path, edit, message):
     if rows is None:
         path.unlink()
     else:
-        path.write_text("\n".join(rows) + "\n")
-    with pytest.raises(TrackError, match=message):
+        path.write_text("\n".join(rows) + "\n", errors="surrogateescape")
+    with pytest.raises(TrackError, match=message) as caught:
         load_map(gm_map, centre_line=path)
+    assert str(path) in str(caught.value)

@@ -28,6 +28,8 @@ SHORTEST = 5.0
 """Smallest length of a track in m: a circle around which the car's smallest turn fits."""
 LONGEST = 5000.0
 """Largest length of a track in m."""
+FURTHEST = 10_000.0
+"""Largest coordinate of a track in m: there, numbers of 32 bits are a millimetre apart."""
 
 
 def construct_track(
@@ -37,6 +39,7 @@ def construct_track(
     name: str,
     reverse: bool = False,
     dtype: npt.DTypeLike | None = None,
+    measured: bool = False,
 ) -> Track:
     """A track.
 
@@ -46,6 +49,7 @@ def construct_track(
         name: What errors call it: a file, or a design.
         reverse: Drive it the other way round.
         dtype: Of its arrays; float32 unless said otherwise.
+        measured: The centre line was found between the walls, so that it is not to blame.
 
     Raises:
         TrackError: It cannot be driven; the message says where.
@@ -56,7 +60,7 @@ def construct_track(
         centre = np.roll(centre[::-1], 1, axis=0)
     loops = [loop_segments(_oriented(loop, loops)) for loop in loops]
     walls = np.concatenate(loops)
-    _check_free(centre, walls, name)
+    _check_free(centre, walls, name, measured)
     left, right = _widths(centre, walls, name)
     cells = list_walls(loops)
     arrays = {
@@ -113,9 +117,14 @@ def _check_size(centre: Points, name: str) -> None:
             f"{name}: its centre line is {length:.4g} m long, which is not within {SHORTEST:g} m "
             f"and {LONGEST:g} m. Is the scale (the map's resolution) right?"
         )
+    if np.abs(centre).max() > FURTHEST:
+        raise TrackError(
+            f"{name}: is {np.abs(centre).max():.4g} m from (0, 0); within {FURTHEST:g} m positions "
+            "are exact. Choose a nearer origin for the map and its centre line."
+        )
 
 
-def _check_free(centre: Points, walls: Points, name: str) -> None:
+def _check_free(centre: Points, walls: Points, name: str, measured: bool) -> None:
     met = crossings(np.concatenate([loop_segments(centre), walls]))
     met = met[met[:, 0] < len(centre)]
     if (met[:, 1] < len(centre)).any():
@@ -124,6 +133,8 @@ def _check_free(centre: Points, walls: Points, name: str) -> None:
     outside = np.flatnonzero(~inside(centre, walls))
     if len(outside) or len(met):
         place = centre[outside[0] if len(outside) else met[0, 0]]
+        if measured:
+            raise TrackError(f"{name}: is too narrow near {_at(place)}: no room between its walls.")
         raise TrackError(
             f"{name}: its centre line leaves the free space near {_at(place)}. "
             "Do the centre line and the map belong together?"

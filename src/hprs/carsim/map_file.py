@@ -85,7 +85,9 @@ def load_map(
     else:
         name = f"{path} with {centre_line}"
         centre = _read_centre_line(Path(centre_line))
-    return construct_track(centre, loops, name=name, reverse=reverse, dtype=dtype)
+    return construct_track(
+        centre, loops, name=name, reverse=reverse, dtype=dtype, measured=centre_line is None
+    )
 
 
 def _read_map(path: Path) -> _Grid:
@@ -94,7 +96,10 @@ def _read_map(path: Path) -> _Grid:
     if missing:
         raise TrackError(f"{path}: lacks {', '.join(missing)}; a map_server file has them.")
     numbers = [fields["resolution"], *_pose(fields["origin"], path)]
-    numbers += [fields[name] for name in ("negate", "occupied_thresh", "free_thresh")]
+    # Of these fields, `negate` is often written as a truth value.
+    negate = fields["negate"]
+    numbers += [int(negate) if isinstance(negate, bool) else negate]
+    numbers += [fields[name] for name in ("occupied_thresh", "free_thresh")]
     resolution, x, y, yaw, negate, occupied, free = (_number(value, path) for value in numbers)
     if not 1e-3 <= resolution <= 1.0:
         raise TrackError(f"{path}: resolution is {resolution:g} m a cell; expected 0.001 to 1.")
@@ -147,7 +152,7 @@ def _pose(origin: object, path: Path) -> list[object]:
 
 
 def _number(value: object, path: Path) -> float:
-    if isinstance(value, (int, float)) and np.isfinite(value):
+    if isinstance(value, (int, float)) and not isinstance(value, bool) and np.isfinite(value):
         return float(value)
     raise TrackError(f"{path}: {value!r} stands where a number is expected.")
 
