@@ -112,8 +112,8 @@ def test_a_wrong_option_is_one_line(hprs, mine, options, message):
 
 
 def test_help_names_what_exists(hprs):
-    from hprs.rewards.hierarchical import ENDS
     from hprs.rewards.registry import REWARDS
+    from hprs.rewards.shaping import ENDS
     from hprs.training.algorithms import ALGORITHMS, OURS
     from hprs.training.configuration import Configuration
 

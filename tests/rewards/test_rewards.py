@@ -12,26 +12,29 @@ import torch
 
 from hprs import make_reward, parse_task
 from hprs.errors import UsageError
-from hprs.rewards import ENDS, REWARDS, Hierarchical, Reward, environment_reward, sparse
+from hprs.rewards import (
+    ENDS,
+    REWARDS,
+    EpisodeAssessment,
+    EpisodeRobustness,
+    Hierarchical,
+    RankPreserving,
+    RequirementVector,
+    Scalarized,
+    StateReward,
+    WindowRobustness,
+    components_of,
+    demands_of,
+    environment_reward,
+    safety_cost,
+    sparse,
+)
+from hprs.rewards.base import Demands
 from hprs.spec.task import Task
+from tests.rewards.episodes import LINE, options_of, rollout
 from tests.semantics.random_tasks import random_signals, random_task
 
-LINE = parse_task("signal x in [0, 1]\nensure low: x <= 0.95\nachieve there: x >= 0.8")
 STEPS = 12
-
-
-def rollout(
-    reward: Reward, trace: dict[str, Any], *, terminated: bool, truncated: bool
-) -> np.ndarray:
-    """The rewards of an episode of one state after the other."""
-    length = len(next(iter(trace.values())))
-    at = [{name: values[t] for name, values in trace.items()} for t in range(length)]
-    memory, paid = reward.init(at[0]), []
-    for t in range(1, length):
-        last = t == length - 1
-        memory, value = reward.step(memory, at[t], last and terminated, last and truncated)
-        paid.append(value)
-    return np.asarray(paid)
 
 
 def episodes(seed: int) -> tuple[Task, dict[str, Any], np.ndarray, np.ndarray]:
@@ -156,7 +159,7 @@ def test_floats_numpy_jax_and_pytorch_are_paid_the_same(end: Any) -> None:
 
 @pytest.mark.parametrize("name", REWARDS)
 def test_every_reward_runs_in_one_scan(name: str) -> None:
-    reward = make_reward(name, LINE)
+    reward = make_reward(name, LINE, horizon=100, **options_of(name, LINE))
     x = jnp.linspace(0.0, 1.0, 8)
     signals = {"x": x, "env_reward": x}
     flags = jnp.zeros(8, bool)
@@ -169,7 +172,7 @@ def test_every_reward_runs_in_one_scan(name: str) -> None:
         reward.init(first),
         (signals, flags),
     )
-    assert paid.shape == (8,)
+    assert paid.shape[:1] == (8,)
     np.testing.assert_allclose(paid, again)
 
 
@@ -181,6 +184,75 @@ def test_rewards_by_name() -> None:
     assert make_reward("sparse", LINE) == sparse(LINE)
     assert make_reward("env", LINE) == environment_reward(LINE)
     assert sparse(LINE).init({"x": 0.0}) is None
+    ablation = make_reward("hprs-no-comfort", LINE, end="released")
+    assert ablation == Hierarchical(LINE, "released", comfort=False)
+    assert make_reward("morl", LINE, weights=[1, 2]) == Scalarized(LINE, (1.0, 2.0))
+    assert make_reward("morl-uniform", LINE) == Scalarized(LINE, (0.5, 0.5))
+    assert make_reward("morl-decreasing", LINE) == Scalarized(LINE, (2 / 3, 1 / 3))
+    assert make_reward("tltl", LINE, margins="raw") == EpisodeRobustness(LINE, "raw")
+    assert make_reward("bhnr", LINE, window=7) == WindowRobustness(LINE, 7)
+    assert make_reward("rank-preserving", LINE, base=3) == RankPreserving(LINE, 3)
+    assert make_reward("pam", LINE) == EpisodeAssessment(LINE)
+    assert make_reward("vector", LINE, form="score") == RequirementVector(LINE, "score")
+
+
+@pytest.mark.parametrize(("horizon", "window"), [(500, 25), (39, 1), (7, 1), (100_000, 5000)])
+def test_the_window_of_bhnr_is_a_twentieth_of_the_horizon(horizon: int, window: int) -> None:
+    assert make_reward("bhnr", LINE, horizon=horizon) == WindowRobustness(LINE, window)
+    assert make_reward("bhnr", LINE, horizon=horizon, window=horizon).window == horizon
+
+
+def test_what_is_paid_at_the_horizon_asks_for_no_discount_and_no_bootstrapping() -> None:
+    asks = {
+        name: demands_of(make_reward(name, LINE, horizon=100, **options_of(name, LINE)))
+        for name in REWARDS
+    }
+    episodic = {"tltl", "rank-preserving", "pam"}
+    for name, demands in asks.items():
+        wanted = Demands(discount=1.0, horizon_is_terminal=True) if name in episodic else Demands()
+        assert demands == wanted
+
+
+def test_only_the_vector_pays_several_numbers() -> None:
+    assert components_of(make_reward("vector", LINE)) == ("low", "there")
+    assert components_of(make_reward("tltl", LINE)) is None
+    # A reward of one's own need say nothing.
+    own = StateReward(LINE, lambda task, signals: signals["x"])
+    assert (components_of(own), demands_of(own)) == (None, Demands())
+
+
+def test_the_safety_cost_counts_violated_safety_requirements() -> None:
+    task = parse_task(
+        "signal x in [0, 4]\nensure a: x <= 1\nensure b: x <= 2\nencourage c: x <= 0.5"
+    )
+    cost = safety_cost(task)
+    assert cost.init({"x": 0.0}) is None
+    paid = [cost.step(None, {"x": x}, False, False)[1] for x in (0.75, 1.5, 3.0)]
+    assert paid == [0.0, 1.0, 2.0]
+    for convert in (np.asarray, jnp.asarray, torch.asarray):
+        batch = {"x": convert(np.array([0.75, 1.5, 3.0]))}
+        assert cost.step(None, batch, False, False)[1].tolist() == paid
+
+
+def test_the_ablation_by_hand() -> None:
+    # x = 0, 2, 3: scores of `goal` 1/4, 3/4, 1; of `calm` 1, 1/3, 0.
+    task = parse_task(
+        "signal x in [-1, 4]\nensure low: x <= 3\nachieve goal: x >= 3\nencourage calm: x <= 1"
+    )
+    trace = {"x": [0.0, 2.0, 3.0]}
+    ended = dict(terminated=True, truncated=False)
+    # With comfort Psi is 1 + 1/4 * 2, 1 + 3/4 * (1 + 2/3), 1 + 1 * (1 + 1/3).
+    assert rollout(Hierarchical(task), trace, **ended) == pytest.approx([0.75, 1 + 1 / 12])
+    without = Hierarchical(task, comfort=False)
+    assert rollout(without, trace, **ended) == pytest.approx([0.5, 1 + 0.25])
+
+
+def test_without_comfort_nothing_is_left_of_a_task_of_comfort_alone() -> None:
+    task = parse_task("signal x in [0, 1]\nencourage low: x <= 0.5")
+    reward = Hierarchical(task, comfort=False)
+    assert reward.init({"x": 0.25}) == 0.0
+    assert reward.step(0.0, {"x": 0.5}, False, False) == (0.0, 0.0)
+    assert reward.init({"x": np.ones(2)}).tolist() == [0.0, 0.0]
 
 
 BAD_REWARDS = [
@@ -191,6 +263,14 @@ BAD_REWARDS = [
     ("hprs", {"end": "invariant", "discount": 0.0}, r"discount must lie in \(0, 1\], got 0\.0"),
     ("hprs", {"discount": -1.0}, r"discount must lie in \(0, 1\], got -1\.0"),
     ("hprs", {"end": "invariant", "discount": float("nan")}, r"discount must lie in .* got nan"),
+    ("hprs", {"weights": [1, 1]}, r"the reward hprs has no option 'weights'\. It has none\."),
+    ("tltl", {"margin": "raw"}, r"no option 'margin'\. Did you mean 'margins'\?"),
+    ("tltl", {"end": "invariant"}, r"end='invariant' needs the learner's discount"),
+    ("rank-preserving", {"weights": 1}, r"no option 'weights'\. It has base, margins\."),
+    ("morl", {}, r"the reward morl needs weights: one for each of low, there\."),
+    ("bhnr", {}, r"a twentieth of the horizon, and this environment has none: give window=H\."),
+    ("bhnr", {"horizon": 10, "window": 11}, r"window must be at most the horizon of 10 .* got 11"),
+    ("bhnr", {"horizon": 0}, r"the horizon must be at least 1, got 0\."),
 ]
 
 

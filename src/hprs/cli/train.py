@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,13 +11,15 @@ import tyro
 
 from hprs.cli.inputs import Constants
 from hprs.errors import UsageError
-from hprs.rewards.hierarchical import End
 from hprs.rewards.registry import REWARDS
+from hprs.rewards.shaping import End
 from hprs.training.algorithms import ALGORITHMS, DEFAULT_ALGORITHMS, DEFAULT_STEPS, OURS
 from hprs.training.configuration import Configuration
 
 if TYPE_CHECKING:
     from hprs.training.run_directory import RunDirectory
+
+_ANY_HORIZON = 10**9
 
 _SUITED = ", ".join(f"{name} for {space} actions" for space, name in DEFAULT_ALGORITHMS.items())
 
@@ -33,6 +36,7 @@ class Train:
       hprs train hprs/CartPole-v0 --seeds 5 --set learning_rate=0.001 --set net_arch=[32,32]
       hprs train hprs/CartPole-v0 --task my_task.hprs --reward sparse
       hprs train hprs/CartPole-v0 --const mark=-1
+      hprs train hprs/CartPole-v0 --reward bhnr --reward-set window=50
       hprs train hprs/LunarLanderObstacle-v0 --env obstacle=[-0.1,0.1]
       hprs train MountainCarContinuous-v0 --task my_task.hprs --steps 50000
       hprs train my_module:MyEnv-v0 --task my_task.hprs --horizon 1000
@@ -53,6 +57,20 @@ class Train:
     end: str = Configuration.end
     """How shaping ends an episode: paper (as printed; does not keep the optimal policy of a
     discount below 1), invariant (keeps it), released (as the paper's code)."""
+    reward_options: Annotated[
+        tyro.conf.UseAppendAction[tuple[str, ...]],
+        tyro.conf.arg(
+            name="reward-set",
+            metavar="KEY=VALUE",
+            help="An option of the reward: "
+            + "; ".join(
+                f"{', '.join(kind.options)} of {name}"
+                for name, kind in REWARDS.items()
+                if kind.options
+            )
+            + ".",
+        ),
+    ] = ()
     seed: int = Configuration.seed
     """Seed of the training."""
     seeds: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
@@ -140,6 +158,7 @@ class Train:
             constants=parse_constants(self.constants),
             reward=self.reward,
             end=cast("End", self.end),
+            reward_options=parse_settings(self.reward_options, "--reward-set"),
             algorithm=self.algorithm,
             settings=parse_settings(self.settings),
             environment_options=parse_settings(self.options, "--env"),
@@ -155,6 +174,31 @@ def _is_run(path: Path) -> bool:
     return any(file.is_file() for file in (path / RUN_FILE, *path.glob(f"*/{RUN_FILE}")))
 
 
+def _demands(configuration: Configuration) -> list[str]:
+    """What the reward asks of the learner, and whether it gets it."""
+    from hprs.rewards.base import demands_of
+    from hprs.rewards.registry import make_reward
+    from hprs.training.algorithms import demanded_parameters
+
+    reward = make_reward(
+        configuration.reward,
+        configuration.task,
+        end=configuration.end,
+        discount=configuration.discount,
+        # It changes nothing here; some rewards need one.
+        horizon=configuration.horizon or _ANY_HORIZON,
+        **configuration.reward_options,
+    )
+    lines: list[str] = []
+    for name, value in demanded_parameters(demands_of(reward)).items():
+        found = configuration.parameters.get(name)
+        kept = "" if found == value else f", but it was set to {json.dumps(found)}"
+        lines.append(
+            f"The reward {configuration.reward} asks for {name}={json.dumps(value)}{kept}."
+        )
+    return lines
+
+
 def _train_all(runs: list[RunDirectory]) -> int:
     from hprs.cli.console import console
     from hprs.cli.progress import TrainingProgress
@@ -163,6 +207,8 @@ def _train_all(runs: list[RunDirectory]) -> int:
     out = console()
     listener = TrainingProgress(out, seeds=len(runs))
     whole = runs[0].path if len(runs) == 1 else runs[0].path.parent
+    for line in _demands(runs[0].configuration):
+        out.print(line, soft_wrap=True)
     for run in runs:
         before = listener.trainings
         try:

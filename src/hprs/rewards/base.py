@@ -1,4 +1,4 @@
-"""The one shape of every reward, and the simplest rewards of that shape."""
+"""The one shape of every reward, and what a reward asks of whoever learns from it."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from hprs.semantics.evaluation import Signals
-from hprs.spec.namespace import Array
-from hprs.spec.task import Task
+from hprs.spec.namespace import Array, namespace_of, select
 
 
 class Reward(Protocol):
@@ -17,9 +16,12 @@ class Reward(Protocol):
     Wrappers and training loops hold the memory; a reward holds none. Both functions run on Python
     floats, NumPy, JAX (under `jit`, `vmap`, `scan`) and PyTorch.
 
-    A memory is made of arrays, numbers and None, in dictionaries and tuples. With a batch of n
-    states, the first axis of every array of it has length n, as that of every signal has (a vector
-    signal has shape (n, length)): so a wrapper can begin a new episode in some rows only.
+    A memory is made of arrays, numbers and None, in dictionaries and tuples; that of one state of
+    floats may hold lists too. With a batch of n states, the first axis of every array of it has
+    length n, as that of every signal has (a vector signal has shape (n, length)): so a wrapper can
+    begin a new episode in some rows only.
+
+    A reward may also have `demands`, see `demands_of`, and `components`, see `components_of`.
     """
 
     def init(self, signals: Signals) -> Any:
@@ -41,24 +43,40 @@ class Reward(Protocol):
 
 
 @dataclass(frozen=True)
-class StateReward:
-    """A reward of the state reached alone: nothing is remembered, and no end of an episode matters.
+class Demands:
+    """What a reward asks of the learner."""
 
-    Args:
-        task: The task.
-        paid: The reward of a state, from the task and the state's signals.
-    """
+    discount: float | None = None
+    """The discount to learn with; None: whatever suits the learner."""
+    horizon_is_terminal: bool = False
+    """Nothing is to be expected after the horizon: do not bootstrap from a truncated episode."""
 
-    task: Task
-    paid: Callable[[Task, Signals], Array]
 
-    def init(self, signals: Signals) -> None:
-        """Nothing to remember."""
-        del signals
+NO_DEMANDS = Demands()
 
-    def step(
-        self, memory: None, signals: Signals, terminated: Array, truncated: Array
-    ) -> tuple[None, Array]:
-        """What the state reached is worth."""
-        del memory, terminated, truncated
-        return None, self.paid(self.task, signals)
+PAID_AT_THE_END = Demands(discount=1.0, horizon_is_terminal=True)
+"""A discount would make a late end worth less, and bootstrapping past a paid end with discount 1
+diverges."""
+
+
+def demands_of(reward: Reward) -> Demands:
+    """What a reward asks of the learner; nothing, where it does not say."""
+    return getattr(reward, "demands", NO_DEMANDS)
+
+
+def components_of(reward: Reward) -> tuple[str, ...] | None:
+    """Labels of the numbers that a reward pays, on the last axis; None where it pays one number."""
+    return getattr(reward, "components", None)
+
+
+def paid_at_the_end(
+    worth: Callable[..., Array], *running: Array, terminated: Array, truncated: Array
+) -> Array:
+    """What an episode so far is worth, where it ends here, for whatever reason; 0 elsewhere."""
+    ended: Any = terminated | truncated
+    if ended is False and isinstance(running[0], bool | int | float):
+        return 0.0
+    value = worth(*running)
+    if isinstance(value, float):
+        return select(ended, value, 0.0)
+    return select(ended, value, namespace_of((value,)).zeros_like(value))

@@ -1,43 +1,145 @@
-"""Rewards by name: the one place that knows which exist."""
+"""Rewards by name: the one place that knows which exist, and which options each of them has."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Any, NamedTuple
 
 from hprs.errors import UsageError, did_you_mean
 from hprs.rewards.base import Reward
-from hprs.rewards.environment import environment_reward
-from hprs.rewards.hierarchical import DEFAULT_END, End, Hierarchical, check_convention
-from hprs.rewards.sparse import sparse
+from hprs.rewards.bhnr import WindowRobustness, window_for
+from hprs.rewards.hierarchical import Hierarchical
+from hprs.rewards.pam import EpisodeAssessment
+from hprs.rewards.rank_preserving import RankPreserving
+from hprs.rewards.scalarized import Scalarized, Weights, decreasing_weights, uniform_weights
+from hprs.rewards.shaping import DEFAULT_END, End, check_convention
+from hprs.rewards.state import environment_reward, sparse
+from hprs.rewards.tltl import EpisodeRobustness
+from hprs.rewards.vector import RequirementVector
+from hprs.spec.misuse import shown
 from hprs.spec.task import Task, require_task
 
-Factory = Callable[[Task, End, float | None], Reward]
 
-REWARDS: Mapping[str, Factory] = MappingProxyType(
+class Context(NamedTuple):
+    """What a reward may need to know of whoever learns from it, and where."""
+
+    end: End = DEFAULT_END
+    """End-of-episode convention of potential-based rewards."""
+    discount: float | None = None
+    """The learner's discount."""
+    horizon: int | None = None
+    """Steps after which the environment truncates an episode."""
+
+
+@dataclass(frozen=True)
+class RewardKind:
+    """A reward that has a name."""
+
+    make: Callable[..., Reward]
+    """A function of the task, a `Context` and, by keyword, the options."""
+    options: tuple[str, ...] = ()
+    """What else can be said of it."""
+    required: tuple[str, ...] = ()
+    """Those of them that must be said."""
+
+
+def _hierarchical(task: Task, context: Context) -> Reward:
+    return Hierarchical(task, context.end, context.discount)
+
+
+def _without_comfort(task: Task, context: Context) -> Reward:
+    return Hierarchical(task, context.end, context.discount, comfort=False)
+
+
+def _sparse(task: Task, context: Context) -> Reward:
+    del context
+    return sparse(task)
+
+
+def _environment(task: Task, context: Context) -> Reward:
+    del context
+    return environment_reward(task)
+
+
+def _weighted(task: Task, context: Context, *, weights: Weights) -> Reward:
+    return Scalarized(task, weights, context.end, context.discount)
+
+
+def _uniform(task: Task, context: Context) -> Reward:
+    return _weighted(task, context, weights=uniform_weights(task))
+
+
+def _decreasing(task: Task, context: Context) -> Reward:
+    return _weighted(task, context, weights=decreasing_weights(task))
+
+
+def _tltl(task: Task, context: Context, **options: Any) -> Reward:
+    del context
+    return EpisodeRobustness(task, **options)
+
+
+def _bhnr(task: Task, context: Context, *, window: int | None = None, **options: Any) -> Reward:
+    return WindowRobustness(task, window_for(window, context.horizon), **options)
+
+
+def _rank_preserving(task: Task, context: Context, **options: Any) -> Reward:
+    del context
+    return RankPreserving(task, **options)
+
+
+def _pam(task: Task, context: Context) -> Reward:
+    del context
+    return EpisodeAssessment(task)
+
+
+def _vector(task: Task, context: Context, **options: Any) -> Reward:
+    return RequirementVector(task, end=context.end, discount=context.discount, **options)
+
+
+REWARDS: Mapping[str, RewardKind] = MappingProxyType(
     {
-        "hprs": Hierarchical,
-        "sparse": lambda task, end, discount: sparse(task),
-        "env": lambda task, end, discount: environment_reward(task),
+        "hprs": RewardKind(_hierarchical),
+        "hprs-no-comfort": RewardKind(_without_comfort),
+        "sparse": RewardKind(_sparse),
+        "env": RewardKind(_environment),
+        "morl": RewardKind(_weighted, ("weights",), required=("weights",)),
+        "morl-uniform": RewardKind(_uniform),
+        "morl-decreasing": RewardKind(_decreasing),
+        "tltl": RewardKind(_tltl, ("margins",)),
+        "bhnr": RewardKind(_bhnr, ("window", "form")),
+        "rank-preserving": RewardKind(_rank_preserving, ("base", "margins")),
+        "pam": RewardKind(_pam),
+        "vector": RewardKind(_vector, ("form",)),
     }
 )
-"""Name to a function of task, end-of-episode convention and discount."""
+"""Name to reward."""
 
 
 def make_reward(
-    name: str, task: Task, *, end: End = DEFAULT_END, discount: float | None = None
+    name: str,
+    task: Task,
+    *,
+    end: End = DEFAULT_END,
+    discount: float | None = None,
+    horizon: int | None = None,
+    **options: Any,
 ) -> Reward:
     """A reward by name.
 
     Args:
         name: One of `REWARDS`.
         task: The task it is derived from.
-        end: End-of-episode convention of potential-based rewards; see `Hierarchical`.
+        end: End-of-episode convention of potential-based rewards; see `hprs.rewards.shaping`.
         discount: The learner's discount; `end="invariant"` needs it.
+        horizon: Steps after which the environment truncates an episode; `bhnr` takes a twentieth of
+            it as its window unless told otherwise.
+        **options: The reward's own options, as docs/rewards.md lists them.
 
     Raises:
-        UsageError: The name or the convention is unknown, the discount is missing, or what is
-            given as the task is none.
+        UsageError: The name, the convention or an option is unknown, a value is wrong or missing,
+            or what is given as the task is none.
     """
     if name not in tuple(REWARDS):
         raise UsageError(
@@ -45,4 +147,24 @@ def make_reward(
             f"{did_you_mean(str(name), REWARDS)}"
         )
     check_convention(end, discount)
-    return REWARDS[name](require_task(task), end, discount)
+    require_task(task)
+    kind = REWARDS[name]
+    for option in options:
+        if option not in kind.options:
+            offer = f" It has {', '.join(kind.options)}." if kind.options else " It has none."
+            raise UsageError(
+                f"the reward {name} has no option '{option}'."
+                f"{did_you_mean(option, kind.options) or offer}"
+            )
+    for option in kind.required:
+        if option not in options:
+            raise UsageError(
+                f"the reward {name} needs {option}: one for each of {', '.join(task.labels)}."
+            )
+    return kind.make(task, Context(end, discount, _checked_horizon(horizon)), **options)
+
+
+def _checked_horizon(horizon: int | None) -> int | None:
+    if horizon is not None and horizon < 1:
+        raise UsageError(f"the horizon must be at least 1, got {shown(horizon)}.")
+    return horizon

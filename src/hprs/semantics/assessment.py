@@ -19,7 +19,7 @@ import numpy as np
 
 from hprs.errors import UsageError
 from hprs.semantics.evaluation import Signals, evaluate_arrays
-from hprs.semantics.plan import Plan, plan_of
+from hprs.semantics.plan import Evaluation, Plan, plan_of
 from hprs.semantics.trace import check_trace, count_outside
 from hprs.spec.misuse import shown
 from hprs.spec.namespace import Array, both, namespace_of, select, truth
@@ -128,6 +128,15 @@ def advance_many(plan: Plan, tally: Tally, states: Sequence[list[bool]]) -> Tall
         tally.steps + len(states),
         tally.decided_at_start,
     )
+
+
+def violations(plan: Plan, evaluation: Evaluation) -> Any:
+    """How many safety requirements a state violates, or each state of a batch."""
+    safe = evaluation.satisfied[: plan.safety_count]
+    if _is_list(safe):
+        return float(safe.count(False))
+    xp = namespace_of((safe,))
+    return xp.sum(xp.astype(~safe, evaluation.potential.dtype), axis=0)
 
 
 def is_safe(tally: Tally) -> Any:

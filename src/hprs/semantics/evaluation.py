@@ -63,15 +63,31 @@ def evaluate(task: Task, signals: Signals) -> Evaluation:
     if carried is not None and carried[0] is task:
         return carried[1]
     plan = plan_of(task)
-    values = _pick(plan, signals)
+    values = pick(plan, signals)
     if all(isinstance(value, int | float) for value in values.values()):
         return evaluate_floats(plan, {name: float(value) for name, value in values.items()})
     return evaluate_arrays(plan, values, namespace_of(values.values()))
 
 
+def is_single(evaluation: Evaluation) -> bool:
+    """Whether it is of one state of floats, not of a batch."""
+    return type(evaluation.satisfied) is list
+
+
 def potential(task: Task, signals: Signals) -> Array:
     """The hierarchical potential Psi of a state or a batch of states."""
     return evaluate(task, signals).potential
+
+
+def hard_potential(task: Task, evaluation: Evaluation) -> Array:
+    """The hierarchical potential of an evaluated state without its comfort requirements."""
+    plan = plan_of(task)
+    groups = [group for group in plan.groups if group.members[0] < plan.comfort_start]
+    if is_single(evaluation):
+        rows = list(evaluation.scores.values())
+        return float(_potential(groups, rows))
+    zero = evaluation.potential * 0.0
+    return zero + _potential(groups, evaluation.scores)
 
 
 def margins(task: Task, signals: Signals) -> dict[str, Array]:
@@ -92,18 +108,25 @@ def evaluate_floats(plan: Plan, signals: Signals) -> Evaluation:
     return _evaluator(plan)(signals)
 
 
-def evaluate_arrays(plan: Plan, signals: Signals, xp: ModuleType) -> Evaluation:
-    """Evaluate a batch of states in one array namespace."""
+def leaf_margins(plan: Plan, signals: Signals, xp: ModuleType) -> Array:
+    """Margins of the comparisons of all rows, in a batch of states of one array namespace."""
     values = {name: as_floating(value, xp) for name, value in signals.items()}
     shape = _batch_shape(plan, values)
     like = next(iter(values.values()), None)
     raw = plan.array_margins(xp)(values)
-    leaves = xp.stack([_broadcast(leaf, shape, like, xp) for leaf in raw]) if raw else None
-    if leaves is None:
-        return _empty(shape, xp)
+    if not raw:
+        return xp.zeros((0, *shape))
+    return xp.stack([_broadcast(leaf, shape, like, xp) for leaf in raw])
+
+
+def evaluate_arrays(plan: Plan, signals: Signals, xp: ModuleType) -> Evaluation:
+    """Evaluate a batch of states in one array namespace."""
+    leaves = leaf_margins(plan, signals, xp)
+    if not plan.leaves:
+        return Evaluation(leaves, leaves > 0.0, leaves, xp.zeros(leaves.shape[1:]))
     satisfied = _satisfied(plan, leaves, xp)
     first = plan.safety_leaves
-    lows = _column(plan.soft_lows, leaves, xp)
+    lows = column(plan.soft_lows, leaves, xp)
     operations = array_operations(xp)
     negative = operations["min"](leaves[first:], 0.0)
     if -math.inf in plan.soft_lows:
@@ -124,7 +147,7 @@ def evaluate_arrays(plan: Plan, signals: Signals, xp: ModuleType) -> Evaluation:
     return Evaluation(leaves, satisfied, scores, _potential(plan.groups, scores))
 
 
-def _potential(groups: Sequence[Group], scores: Array) -> Array:
+def _potential(groups: Sequence[Group], scores: Sequence[Array]) -> Array:
     total: Array = 0.0
     for group in groups:
         members = iter(group.members)
@@ -137,7 +160,12 @@ def _potential(groups: Sequence[Group], scores: Array) -> Array:
     return total
 
 
-def _pick(plan: Plan, signals: Signals) -> dict[str, Array]:
+def pick(plan: Plan, signals: Signals) -> dict[str, Array]:
+    """The signals that a task reads.
+
+    Raises:
+        SignalError: One is missing.
+    """
     try:
         return {name: signals[name] for name in plan.signals}
     except KeyError as error:
@@ -170,12 +198,12 @@ def _satisfied(plan: Plan, leaves: Array, xp: ModuleType) -> Array:
         return leaves >= 0.0
     if all(plan.strict):
         return leaves > 0.0
-    strict = _column(plan.strict, leaves, xp)
+    strict = column(plan.strict, leaves, xp)
     return xp.where(strict > 0, leaves > 0.0, leaves >= 0.0)
 
 
-def _column(values: Sequence[float], leaves: Array, xp: ModuleType) -> Array:
-    """Constants of the rows as a column that broadcasts over the batch axes."""
+def column(values: Sequence[float], leaves: Array, xp: ModuleType) -> Array:
+    """Constants of rows, in the precision of `leaves`, which broadcast over its batch axes."""
     if xp is np:
         return _numpy_column(tuple(values), leaves.dtype, leaves.ndim)
     column = xp.asarray([float(value) for value in values], dtype=leaves.dtype)
@@ -192,8 +220,3 @@ def _numpy_column(values: tuple[float, ...], dtype: Any, ndim: int) -> Array:
     column: Array = cast(Any, np).array(values, dtype=dtype, ndmin=ndim).T
     column.flags.writeable = False
     return column
-
-
-def _empty(shape: tuple[int, ...], xp: ModuleType) -> Evaluation:
-    rows = xp.zeros((0, *shape))
-    return Evaluation(rows, rows > 0.0, rows, xp.zeros(shape))

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from hprs.spec.compiler import Margins, compile_margins, used_signals
 from hprs.spec.expression import And, Comparison, Predicate
+from hprs.spec.interval import Interval
 from hprs.spec.task import Requirement, Task, require_task
 from hprs.spec.traversal import comparisons
 
@@ -80,11 +81,14 @@ class Plan:
         self.safety_leaves = sum(
             len(comparisons(row.predicate)) for row in self.rows[: self.safety_count]
         )
+        self.ranges: tuple[Interval, ...] = tuple(
+            leaf for row in self.rows for leaf in task.analysis.leaves[row.label]
+        )
+        """Range [l, u] of every leaf's margin."""
         self.soft_lows: tuple[float, ...] = tuple(
             # A comparison that always holds has score 1, whatever its margin: l is then -inf.
-            low if low < 0.0 else -math.inf
-            for row in self.rows[self.safety_count :]
-            for low in task.analysis.lows[row.label]
+            leaf.low if leaf.low < 0.0 else -math.inf
+            for leaf in self.ranges[self.safety_leaves :]
         )
         """Lower bound l of every leaf that has a continuous score."""
         self.any_strict = any(self.strict)

@@ -31,8 +31,8 @@ class Analysis(NamedTuple):
     """Every name of the task: constants, signals and definitions."""
     bounds: Mapping[str, Interval]
     """Label to the range [l, u] of the requirement's margin."""
-    lows: Mapping[str, tuple[float, ...]]
-    """Label to the lower bound l of each comparison of its predicate, from left to right."""
+    leaves: Mapping[str, tuple[Interval, ...]]
+    """Label to the range [l, u] of each comparison of its predicate, from left to right."""
     remarks: tuple[Remark, ...]
 
     @property
@@ -51,16 +51,16 @@ def analyse(task: Task) -> Analysis:
     _check_labels(task, known)
     remarks: list[Remark] = []
     bounds: dict[str, Interval] = {}
-    lows: dict[str, tuple[float, ...]] = {}
+    ranges: dict[str, tuple[Interval, ...]] = {}
     for requirement in task.requirements:
-        leaves = [
+        leaves = tuple(
             _comparison(leaf, requirement, known) for leaf in comparisons(requirement.predicate)
-        ]
+        )
         bounds[requirement.label] = _bound(requirement.predicate, iter(leaves).__next__)
-        lows[requirement.label] = tuple(leaf.low for leaf in leaves)
+        ranges[requirement.label] = leaves
         remarks += judge(requirement, leaves, bounds[requirement.label], known)
     remarks += judge_whole(task)
-    return Analysis(known, bounds, lows, tuple(remarks))
+    return Analysis(known, bounds, ranges, tuple(remarks))
 
 
 def _declare(task: Task) -> dict[str, Inferred]:

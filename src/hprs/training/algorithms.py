@@ -1,7 +1,7 @@
 """The learning algorithms and their hyper-parameters, as data.
 
-A value is looked up in this order: `--set` on the command line, the file of the benchmark, the
-table of the algorithm, the default of Stable-Baselines3.
+A value is looked up in this order: `--set` on the command line, what the reward asks for, the file
+of the benchmark, the table of the algorithm, the default of Stable-Baselines3.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from typing import Any
 
 from hprs.envs.registration import benchmark_of
 from hprs.errors import UsageError, did_you_mean
+from hprs.rewards.base import NO_DEMANDS, Demands
 from hprs.training.ranges import check_range, check_together, shown
 from hprs.training.schedules import start_of
 from hprs.training.tuning import Tuning, parse_tuning
@@ -69,6 +70,7 @@ OURS: Mapping[str, tuple[Any, Any, str]] = MappingProxyType(
         "environments": (int, 1, "environments that are stepped side by side"),
         "net_arch": (list[int], (64, 64), "hidden layers of the networks"),
         "scale_reward": (bool, True, "divide rewards by the running deviation of the return"),
+        "horizon_is_terminal": (bool, False, "expect nothing after the horizon: no bootstrapping"),
         "action_noise": (float, 0.0, "deviation of the noise added to actions, in their unit"),
         "threads": (int, 1, "threads of PyTorch; more than one slows small networks down"),
     }
@@ -160,6 +162,7 @@ def resolve_parameters(
     own: Mapping[str, tuple[Any, Any]],
     *,
     action_space: str = "Box",
+    demands: Demands = NO_DEMANDS,
 ) -> dict[str, Any]:
     """All hyper-parameters of a training, checked.
 
@@ -169,6 +172,7 @@ def resolve_parameters(
         overrides: What the user sets.
         own: The algorithm's own arguments: name to type and default.
         action_space: The class of the action space.
+        demands: What the reward asks of the learner.
 
     Raises:
         UsageError: A name is unknown, a value has the wrong type or is out of range, or two values
@@ -183,9 +187,15 @@ def resolve_parameters(
         raise UsageError(f"{tuning.path if tuning else environment}: {error}") from None
     _check_all(algorithm, overrides, known)
     chosen = {name: default for name, (_, default) in known.items()}
-    chosen |= {**algorithm.parameters, **tuned, **overrides}
+    chosen |= {**algorithm.parameters, **tuned, **demanded_parameters(demands), **overrides}
     _check_together(algorithm, chosen, action_space)
     return {name: list(v) if isinstance(v, tuple) else v for name, v in sorted(chosen.items())}
+
+
+def demanded_parameters(demands: Demands) -> dict[str, Any]:
+    """What a reward asks of the learner, as hyper-parameters."""
+    found: dict[str, Any] = {} if demands.discount is None else {"gamma": demands.discount}
+    return found | ({"horizon_is_terminal": True} if demands.horizon_is_terminal else {})
 
 
 def _similar(name: str, known: Mapping[str, Any]) -> str:

@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import Any
 
 from hprs.errors import RunError
-from hprs.rewards.hierarchical import DEFAULT_END, End
+from hprs.rewards.shaping import DEFAULT_END, End
 from hprs.spec.json_format import task_to_json
 from hprs.spec.parser import parse_task
 from hprs.spec.task import Task
@@ -44,6 +44,8 @@ class Configuration:
     """Seed of the training."""
     environment_options: Mapping[str, Any] = field(default_factory=dict[str, Any])
     """Keyword arguments of `gymnasium.make`, as JSON values."""
+    reward_options: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    """The reward's own options, as JSON values."""
 
     @cached_property
     def task(self) -> Task:
@@ -56,10 +58,21 @@ class Configuration:
         return self.parameters.get("gamma")
 
     @property
+    def horizon_is_terminal(self) -> bool:
+        """Whether the learner takes the horizon for the end of the task."""
+        # Runs of earlier versions do not say.
+        return self.parameters.get("horizon_is_terminal", False)
+
+    @property
     def digest(self) -> str:
         """Eight hexadecimal digits that differ where numbers can; the seed is left out."""
         content = self.to_json()
         del content["seed"]
+        # What changes nothing is left out, as in runs of versions that did not know it.
+        if not content["reward_options"]:
+            del content["reward_options"]
+        if not self.horizon_is_terminal:
+            content["parameters"].pop("horizon_is_terminal", None)
         # The task's meaning, not its text: a comment changes no number.
         content["task_text"] = task_to_json(self.task)
         text = json.dumps(content, sort_keys=True, separators=(",", ":"))

@@ -13,7 +13,7 @@ import gymnasium as gym
 
 import hprs.envs
 from hprs.errors import MissingExtraError, UsageError, did_you_mean
-from hprs.rewards.hierarchical import DEFAULT_END, End
+from hprs.rewards.shaping import DEFAULT_END, End
 from hprs.spec.expression import ExpressionLike
 from hprs.spec.parameters import override
 from hprs.spec.parser import parse_task
@@ -96,6 +96,7 @@ def make_environment(
     *,
     end: End = DEFAULT_END,
     discount: float | None = None,
+    reward_options: Mapping[str, Any] | None = None,
     horizon: int | None = None,
     **options: Any,
 ) -> TaskWrapper:
@@ -110,7 +111,7 @@ def make_environment(
         bare.close()
         # Whether an episode ends by itself nobody can know, and an evaluation would wait for it.
         raise UsageError(f"{environment} has no horizon of its own. Give it one: --horizon N")
-    return wrap(bare, task, reward, end=end, discount=discount)
+    return wrap(bare, task, reward, end=end, discount=discount, reward_options=reward_options)
 
 
 def make_configured(configuration: Configuration, **options: Any) -> TaskWrapper:
@@ -121,6 +122,7 @@ def make_configured(configuration: Configuration, **options: Any) -> TaskWrapper
         configuration.reward,
         end=configuration.end,
         discount=configuration.discount,
+        reward_options=configuration.reward_options,
         horizon=configuration.horizon,
         **{**configuration.environment_options, **options},
     )

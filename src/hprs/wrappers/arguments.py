@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from typing import Any
 
 import gymnasium as gym
+import numpy as np
 from gymnasium import wrappers as gym_wrappers
 
 from hprs.errors import UsageError
-from hprs.rewards.base import Reward
-from hprs.rewards.hierarchical import DEFAULT_END, End
+from hprs.rewards.base import Reward, components_of
 from hprs.rewards.registry import REWARDS, make_reward
+from hprs.rewards.shaping import DEFAULT_END, End
 from hprs.spec.misuse import shown
 from hprs.spec.task import Task, require_task
 
@@ -43,31 +45,62 @@ def require_environment(value: object, *, vector: bool) -> None:
 
 
 def chosen_reward(
-    reward: str | Reward, task: Task, *, end: End | None, discount: float | None
+    reward: str | Reward,
+    task: Task,
+    environment: Any,
+    *,
+    end: End | None,
+    discount: float | None,
+    options: Mapping[str, Any] | None,
 ) -> Reward:
     """A reward given by name or as an object.
 
     Raises:
-        UsageError: It is neither, or an object with a convention or a discount beside it, or the
-            task is none.
+        UsageError: It is neither, or an object with a convention, a discount or options beside it,
+            or the task is none.
     """
     require_task(task)
     if isinstance(reward, str):
         end = DEFAULT_END if end is None else end
-        return make_reward(reward, task, end=end, discount=discount)
+        horizon = horizon_of(environment)
+        return make_reward(
+            reward, task, end=end, discount=discount, horizon=horizon, **(options or {})
+        )
     given: Any = reward
     if not (callable(getattr(given, "init", None)) and callable(getattr(given, "step", None))):
         raise UsageError(
             f"a reward is a name ({', '.join(REWARDS)}) or has `init` and `step`, "
             f"got {shown(reward)}."
         )
-    for name, value in (("end", end), ("discount", discount)):
+    for name, value in (("end", end), ("discount", discount), ("reward_options", options)):
         if value is not None:
             raise UsageError(
                 f"{name}={value!r} has no effect on a reward that is given as an object; give it "
                 "to the reward, as in hprs.rewards.Hierarchical(task, end=..., discount=...)."
             )
     return reward
+
+
+def horizon_of(environment: Any) -> int | None:
+    """Steps after which an environment is registered to truncate episodes, if it is.
+
+    Of a vector environment made by hand, those of its first sub-environment.
+    """
+    spec = environment.spec
+    if spec is None and isinstance(environment.unwrapped, gym.vector.SyncVectorEnv):
+        spec = environment.unwrapped.envs[0].spec
+    return None if spec is None else spec.max_episode_steps
+
+
+def announce_components(wrapper: Any, reward: Reward) -> None:
+    """Say how many numbers a reward pays, where MO-Gymnasium and its learners look for it."""
+    labels = components_of(reward)
+    if labels is None:
+        return
+    space = gym.spaces.Box(-np.inf, np.inf, (len(labels),), np.float64)
+    # Learners ask the innermost environment, wrappers the outermost.
+    for environment in (wrapper, wrapper.unwrapped):
+        environment.reward_space, environment.reward_dim = space, len(labels)
 
 
 def warn_of_changed_observations(*environments: Any) -> None:

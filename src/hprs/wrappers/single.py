@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from copy import deepcopy
 from typing import Any, SupportsFloat
 
@@ -11,12 +12,14 @@ from gymnasium.utils import RecordConstructorArgs
 
 from hprs.errors import SignalError
 from hprs.rewards.base import Reward
-from hprs.rewards.hierarchical import End
+from hprs.rewards.shaping import End
+from hprs.semantics.assessment import violations
 from hprs.semantics.evaluation import carry
 from hprs.semantics.plan import plan_of
 from hprs.semantics.single_state import float_evaluator
 from hprs.spec.task import ENV_REWARD, Task, require_task
 from hprs.wrappers.arguments import (
+    announce_components,
     chosen_reward,
     require_environment,
     warn_of_changed_observations,
@@ -33,6 +36,7 @@ def wrap(
     *,
     end: End | None = None,
     discount: float | None = None,
+    reward_options: Mapping[str, Any] | None = None,
     signals: SignalFunction | None = None,
     end_on_violation: bool = True,
     end_on_target: bool = True,
@@ -51,11 +55,14 @@ def wrap(
     Args:
         env: The environment.
         task: The task.
-        reward: A name of `hprs.rewards.REWARDS`, or a reward.
+        reward: A name of `hprs.rewards.REWARDS`, or a reward. One that pays several numbers, as
+            `"vector"`, gives the environment a `reward_space`, as MO-Gymnasium has it.
         end: End-of-episode convention of the shaping, `"paper"` unless given; see
-            `hprs.rewards.Hierarchical`. Only for rewards given by name.
+            `hprs.rewards.shaping`. Only for rewards given by name.
         discount: The learner's discount; `end="invariant"` needs it. Only for rewards given by
             name.
+        reward_options: The reward's own options, as docs/rewards.md lists them. Only for rewards
+            given by name.
         signals: A function `(observation, action, last_action, info) -> {signal: value}` that
             supplies some or all signals.
         end_on_violation: End the episode (terminated) when a safety requirement is violated.
@@ -70,7 +77,7 @@ def wrap(
     return TaskWrapper(
         env,
         task=task,
-        reward=chosen_reward(reward, task, end=end, discount=discount),
+        reward=chosen_reward(reward, task, env, end=end, discount=discount, options=reward_options),
         signals=signals,
         end_on_violation=end_on_violation,
         end_on_target=end_on_target,
@@ -104,8 +111,8 @@ class TaskWrapper(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         self.task = require_task(task)
         self.reward = reward
         warn_of_changed_observations(env)
-        plan = plan_of(task)
-        self._safety_count = plan.safety_count
+        self._plan = plan = plan_of(task)
+        announce_components(self, reward)
         reader = make_reader(task, env.observation_space, env.action_space, signals)
         self._signals = StateReader(task, reader)
         self._evaluate = float_evaluator(plan)
@@ -133,8 +140,8 @@ class TaskWrapper(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         carry(values, self.task, evaluation)
         self._memory = self.reward.init(values)
         info = dict(info)
-        info["margins"], satisfied, info["scores"], info["potential"] = evaluation
-        info["cost"] = float(satisfied[: self._safety_count].count(False))
+        info["margins"], _, info["scores"], info["potential"] = evaluation
+        info["cost"] = violations(self._plan, evaluation)
         return observation, info
 
     def step(self, action: Any) -> tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]:
@@ -159,7 +166,7 @@ class TaskWrapper(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         self._memory, reward = self.reward.step(self._memory, values, terminated, truncated)
         info = dict(info)
         info["margins"], info["scores"], info["potential"] = margins, scores, potential
-        info["cost"] = float(satisfied[: self._safety_count].count(False))
+        info["cost"] = violations(self._plan, evaluation)
         info["env_reward"] = env_reward
         if terminated or truncated:
             info["assessment"] = episode.conclude(self._signals.outside)

@@ -6,7 +6,7 @@ sub-environment, so that a caller sees nothing but the wrapped environment's aut
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, cast
 
 import numpy as np
@@ -14,12 +14,13 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv, VectorWrap
 
 from hprs.errors import SignalError
 from hprs.rewards.base import Reward
-from hprs.rewards.hierarchical import End
+from hprs.rewards.shaping import End
 from hprs.semantics import assessment
 from hprs.semantics.evaluation import Evaluation, carry, evaluate_arrays
 from hprs.semantics.plan import plan_of
 from hprs.spec.task import ENV_REWARD, Task
 from hprs.wrappers.arguments import (
+    announce_components,
     chosen_reward,
     require_environment,
     warn_of_changed_observations,
@@ -48,6 +49,7 @@ def wrap_vector(
     *,
     end: End | None = None,
     discount: float | None = None,
+    reward_options: Mapping[str, Any] | None = None,
     signals: SignalFunction | None = None,
     end_on_violation: bool = True,
     end_on_target: bool = True,
@@ -72,7 +74,9 @@ def wrap_vector(
     return TaskVectorWrapper(
         envs,
         task=task,
-        reward=chosen_reward(reward, task, end=end, discount=discount),
+        reward=chosen_reward(
+            reward, task, envs, end=end, discount=discount, options=reward_options
+        ),
         signals=signals,
         end_on_violation=end_on_violation,
         end_on_target=end_on_target,
@@ -95,6 +99,7 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
         super().__init__(envs)
         self.task = task
         self.reward = reward
+        announce_components(self, reward)
         bare: Any = envs.unwrapped
         parts = bare.envs if isinstance(bare, SyncVectorEnv) else ()
         warn_of_changed_observations(envs, *parts)
@@ -205,7 +210,7 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
         memory, rewards = self.reward.step(self._memory, values, terminated, truncated)
         rewards = np.asarray(rewards, dtype=np.float64)
         if partial:
-            rewards = np.where(resetting, 0.0, rewards)
+            rewards = merge_rows(resetting, np.zeros_like(rewards), rewards)
         self._memory, self._tally = memory, tally
         if self._reads_last_action:
             self._last_action = np.array(actions)
@@ -274,12 +279,11 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
 
     def _describe(self, evaluation: Evaluation, mask: Mask) -> dict[str, Any]:
         plan = self._plan
-        violated = ~evaluation.satisfied[: plan.safety_count]
         described: dict[str, Any] = {
             "margins": masked(plan.by_label(evaluation.margins), mask),
             "scores": masked(plan.by_label(evaluation.scores), mask),
             "potential": evaluation.potential,
-            "cost": violated.sum(axis=0, dtype=np.float64),
+            "cost": assessment.violations(plan, evaluation),
         }
         return masked(described, mask)
 

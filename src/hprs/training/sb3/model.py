@@ -87,15 +87,27 @@ def derive_seed(seed: int, step: int, index: int = 0) -> int:
 
 
 class _Terse(gym.Wrapper[Any, Any, Any, Any]):
-    """Empties `info`, which Stable-Baselines3 copies deeply at every step and no learner reads."""
+    """What a learner sees of a step.
+
+    `info` is empty: Stable-Baselines3 copies it deeply at every step, and no learner reads it.
+    Where nothing is to be expected after the horizon, an episode that it cuts off has terminated.
+    The task's reward and assessment, below, still tell one from the other.
+    """
+
+    def __init__(self, env: gym.Env[Any, Any], *, horizon_is_terminal: bool) -> None:
+        super().__init__(env)
+        self._horizon_is_terminal = horizon_is_terminal
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         observation, reward, terminated, truncated, _ = self.env.step(action)
+        if self._horizon_is_terminal:
+            terminated, truncated = terminated or truncated, False
         return observation, reward, terminated, truncated, {}
 
 
 def _make_single(configuration: Configuration) -> gym.Env[Any, Any]:
-    return EpisodeLog(_Terse(make_configured(configuration)))
+    made = make_configured(configuration)
+    return EpisodeLog(_Terse(made, horizon_is_terminal=configuration.horizon_is_terminal))
 
 
 def _arguments(

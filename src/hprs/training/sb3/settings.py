@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from hprs.errors import UsageError, did_you_mean
-from hprs.rewards.hierarchical import ENDS, End
+from hprs.rewards.base import components_of, demands_of
+from hprs.rewards.shaping import ENDS, End
 from hprs.spec.expression import ExpressionLike
 from hprs.training import algorithms
 from hprs.training.configuration import Configuration
@@ -43,6 +44,7 @@ def configure(
     constants: Mapping[str, ExpressionLike] | None = None,
     reward: str = Configuration.reward,
     end: End = Configuration.end,
+    reward_options: Mapping[str, Any] | None = None,
     algorithm: str | None = None,
     settings: Mapping[str, Any] | None = None,
     environment_options: Mapping[str, Any] | None = None,
@@ -60,6 +62,7 @@ def configure(
         constants: Other values for constants of the task.
         reward: A name of `REWARDS`.
         end: End-of-episode convention of the shaping.
+        reward_options: The reward's own options, as JSON values.
         algorithm: A name of `ALGORITHMS`; None: the benchmark's, or what suits the action space.
         settings: Hyper-parameters that differ from the defaults.
         environment_options: Keyword arguments of `gymnasium.make`, as JSON values.
@@ -100,8 +103,21 @@ def configure(
     check_options(environment, options)
     # Any discount will do to see that the reward exists and the environment has every signal.
     made = make_environment(
-        environment, task, reward, end=end, discount=0.5, horizon=horizon, **options
+        environment,
+        task,
+        reward,
+        end=end,
+        discount=0.5,
+        reward_options=reward_options,
+        horizon=horizon,
+        **options,
     )
+    if components_of(made.reward) is not None:
+        made.close()
+        raise UsageError(
+            f"the reward {reward} pays one number a requirement, and Stable-Baselines3 learns from "
+            "one number. Train on morl, or use hprs.wrap with a multi-objective learner."
+        )
     space = type(made.action_space).__name__
     chosen = algorithms.find_algorithm(algorithm, space, environment)
     made.close()
@@ -112,11 +128,17 @@ def configure(
         task_text=text,
         algorithm=chosen.name,
         parameters=algorithms.resolve_parameters(
-            chosen, environment, settings or {}, own, action_space=space
+            chosen,
+            environment,
+            settings or {},
+            own,
+            action_space=space,
+            demands=demands_of(made.reward),
         ),
         steps=steps,
         reward=reward,
         end=end,
+        reward_options=dict(reward_options or {}),
         horizon=horizon,
         evaluation_interval=evaluation_interval,
         evaluation_episodes=evaluation_episodes,

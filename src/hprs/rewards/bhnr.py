@@ -1,0 +1,154 @@
+"""BHNR: filtering semantics over the last states, at every step.
+
+After Balakrishnan and Deshmukh (2019), who call it bounded-horizon nominal robustness; the
+filtering semantics is that of Rodionova et al. (2016).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from numbers import Integral
+from typing import Any, Literal, NamedTuple, TypeAlias, get_args
+
+from hprs.errors import UsageError, did_you_mean
+from hprs.semantics.evaluation import Signals
+from hprs.semantics.plan import plan_of
+from hprs.semantics.robustness import (
+    Operator,
+    RowMargins,
+    check_margin_form,
+    formula,
+    require_formula,
+    row_margins,
+    row_truths,
+)
+from hprs.semantics.window import ALL, LEAST, MEAN, MEAN_OF_MINIMA, RUN, Filter
+from hprs.spec.misuse import shown
+from hprs.spec.namespace import Array
+from hprs.spec.task import Task
+
+WindowForm: TypeAlias = Literal["quantitative", "boolean"]
+WINDOW_FORMS: tuple[WindowForm, ...] = get_args(WindowForm)
+"""What a state counts: its normalised margin, or 1 where the requirement holds and 0 elsewhere."""
+
+WINDOWS_A_HORIZON = 20
+"""The released code's windows are this part of an episode long."""
+
+
+@dataclass(frozen=True)
+class WindowRobustness:
+    """Filtering semantics of "always safe, and eventually on target" over the last states.
+
+    Always is the minimum over the window's remainder, eventually the sum over the remainder divided
+    by the window's number N of states, both read at its first position; the whole is the minimum.
+    So `ensure` gives the least margin of the window, `achieve` the mean margin, `conquer` the mean
+    over the positions of the least margin from there on. Comfort is not in the formula. While an
+    episode has fewer states than the window, N is their number, s_0 included.
+
+    The quantitative form takes margins normalised to [-1, 1]. The boolean form is that of the
+    released code: strictness matters in it, and the reward lies in [0, 1].
+
+    Args:
+        task: The task.
+        window: Length H of the window in states, which are control steps.
+        form: Quantitative or boolean.
+
+    Raises:
+        UsageError: The window is no whole number from 1 on, the form is unknown, the task has
+            neither safety nor target requirements, or a margin has no bounds to normalise it by.
+    """
+
+    task: Task
+    window: int
+    form: WindowForm = "quantitative"
+
+    def __post_init__(self) -> None:
+        """Check window, form and task."""
+        require_window(self.window)
+        if self.form not in WINDOW_FORMS:
+            raise UsageError(
+                f"form is {' or '.join(WINDOW_FORMS)}, got {shown(self.form)}."
+                f"{did_you_mean(str(self.form), WINDOW_FORMS)}"
+            )
+        require_formula(self.task, "bhnr")
+        if self.form == "quantitative":
+            count = plan_of(self.task).comfort_start
+            check_margin_form(self.task, "normalised", rows=count, instead="form='boolean'")
+
+    def init(self, signals: Signals) -> tuple[Any, ...]:
+        """Windows of s_0 alone."""
+        margins, size = self._margins(signals), self.window
+        return tuple(
+            [
+                watch.filter.begin(margins.least(watch.rows), size)
+                for watch in _watches(self.task, self.form)
+            ]
+        )
+
+    def step(
+        self, memory: tuple[Any, ...], signals: Signals, terminated: Array, truncated: Array
+    ) -> tuple[tuple[Any, ...], Array]:
+        """The windows one state later, and what they are worth."""
+        del terminated, truncated
+        margins, size = self._margins(signals), self.window
+        windows: list[Any] = []
+        values: list[Array] = []
+        for watch, window in zip(_watches(self.task, self.form), memory, strict=True):
+            window = watch.filter.push(window, margins.least(watch.rows), size)
+            windows.append(window)
+            values.append(watch.filter.value(window, size))
+        return tuple(windows), margins.operations["min"](*values)
+
+    def _margins(self, signals: Signals) -> RowMargins:
+        rows = plan_of(self.task).comfort_start
+        if self.form == "quantitative":
+            return row_margins(self.task, signals, "normalised", rows)
+        return row_truths(self.task, signals, rows)
+
+
+class _Watch(NamedTuple):
+    """Rows that one filter follows: the least of their values."""
+
+    rows: tuple[int, ...]
+    filter: Filter
+
+
+@lru_cache(maxsize=256)
+def _watches(task: Task, form: WindowForm) -> tuple[_Watch, ...]:
+    """Filters of safety and of the target, as far as the task has them."""
+    filters: dict[Operator, Filter] = {
+        "always": ALL if form == "boolean" else LEAST,
+        "eventually": MEAN,
+        "eventually always": RUN if form == "boolean" else MEAN_OF_MINIMA,
+    }
+    return tuple([_Watch(part.rows, filters[part.operator]) for part in formula(task)])
+
+
+def require_window(window: object) -> None:
+    """Refuse what is no length of a window.
+
+    Raises:
+        UsageError: It is no whole number from 1 on.
+    """
+    if isinstance(window, bool) or not isinstance(window, Integral) or int(window) < 1:
+        raise UsageError(f"window is a whole number of steps from 1 on, got {shown(window)}.")
+
+
+def window_for(window: int | None, horizon: int | None) -> int:
+    """The length of the window: what is asked for, or a part of the horizon.
+
+    Raises:
+        UsageError: It is no whole number from 1 on, above the horizon, or neither is known.
+    """
+    if window is None:
+        if horizon is None:
+            raise UsageError(
+                "bhnr looks at a window of states, by default a twentieth of the horizon, and "
+                "this environment has none: give window=H."
+            )
+        return max(1, horizon // WINDOWS_A_HORIZON)
+    require_window(window)
+    if horizon is not None and window > horizon:
+        raise UsageError(f"window must be at most the horizon of {horizon} steps, got {window}.")
+    return window
