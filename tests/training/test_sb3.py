@@ -13,7 +13,7 @@ from hprs.training import sb3
 from hprs.training.environment import make_configured
 from hprs.training.evaluation import evaluate, training_seeds
 from hprs.training.listener import Silence
-from hprs.training.run_directory import create_runs
+from hprs.training.run_directory import RunDirectory, create_runs
 from hprs.training.sb3.model import make_vector
 from hprs.training.sb3.policy import stack
 
@@ -234,6 +234,47 @@ def test_the_shaped_reward_reaches_the_learner(tmp_path):
     single.reset(seed=3)
     for _ in range(5):
         assert vector.step(np.array([1]))[1][0] == pytest.approx(single.step(1)[1], abs=1e-6)
+
+
+@pytest.mark.parametrize(("reward", "terminal"), [("pam", True), ("sparse", False)])
+def test_a_reward_paid_at_the_horizon_makes_it_the_end_for_the_learner(reward, terminal):
+    """Stable-Baselines3 bootstraps where it is told that a time limit cut an episode."""
+    settings = {"environments": 1, "scale_reward": False}
+    configuration = sb3.configure(CART_POLE, reward=reward, settings=settings, horizon=2)
+    vector = make_vector(configuration)
+    vector.seed(3)
+    vector.reset()
+    vector.step(np.array([1]))
+    _, rewards, done, [info] = vector.step(np.array([0]))
+    assert done[0]
+    assert info["TimeLimit.truncated"] is not terminal
+    single = make_configured(configuration)
+    single.reset(seed=3)
+    single.step(1)
+    _, paid, terminated, truncated, _ = single.step(0)
+    assert (terminated, truncated) == (False, True), "the task's own wrapper tells them apart"
+    assert rewards[0] == pytest.approx(paid)
+
+
+def test_a_run_with_options_of_its_reward_is_resumed(tmp_path):
+    configuration = ppo(reward="bhnr", reward_options={"window": 7, "form": "boolean"})
+    [run] = create_runs([configuration], tmp_path)
+    assert not sb3.train(run, Interrupter(64))
+    again = RunDirectory(run.path)
+    assert again.configuration == configuration
+    assert sb3.train(again)
+    assert make_configured(again.configuration).reward.window == 7
+
+
+def test_runs_that_know_no_options_of_rewards_are_read_and_gone_on_with(tmp_path):
+    [run] = create_runs([ppo()], tmp_path)
+    content = json.loads((run.path / "run.json").read_text())
+    del content["configuration"]["reward_options"]
+    del content["configuration"]["parameters"]["horizon_is_terminal"]
+    (run.path / "run.json").write_text(json.dumps(content))
+    old = RunDirectory(run.path)
+    assert old.configuration.digest == run.configuration.digest
+    assert sb3.train(old)
 
 
 def test_a_dictionary_of_observations_is_batched():
