@@ -44,7 +44,8 @@ def test_the_car_can_turn_as_the_centre_line_does(name):
 def test_keeping_to_the_centre_line_meets_the_requirement_of_the_task(name):
     track = track_of(name)
     gaps = point_distances(np.asarray(track.centre, float), walls_of(name)).min(axis=1)
-    assert (gaps / float(track.max_clearance) >= 0.5).mean() >= 0.98
+    # The worst place, in the S of trt, has 0.512.
+    assert (gaps / float(track.max_clearance)).min() >= 0.5
 
 
 @each_design
