@@ -1,9 +1,12 @@
 """Draws an episode as a row of pictures, with the state of every requirement below each.
 
+A file that ends in .gif becomes a film of all steps instead, in its true time.
+
 Examples:
   python examples/storyboard.py hprs/CartPole-v0 --policy random --out picture.png
   python examples/storyboard.py runs/hprs-CartPole-v0/hprs-ppo-1a2b3c4d/seed-0 --out picture.png
   python examples/storyboard.py hprs/BipedalWalker-v0 --policy zero --env goal=40 --out picture.png
+  python examples/storyboard.py hprs/FollowLeader-v0 --policy pursuit --out film.gif
 
 The pages in docs/environments say which command made theirs.
 """
@@ -35,9 +38,13 @@ if TYPE_CHECKING:
     from hprs.wrappers.single import TaskWrapper
 
 COLUMNS = 4
-"""Pictures side by side."""
-PICTURE = (300, 200)
-"""Width and height of the scene in a picture, in pixels."""
+"""Pictures side by side, at most."""
+WIDTHS = range(100, 2000)
+"""Of the scene in a picture, in pixels."""
+FRAMES_A_SECOND = 12.5
+"""Of a film, at most."""
+LAST_FRAME = 1500
+"""How long a film shows its end, in ms."""
 GAP = 6
 LINE = 17
 """Height of a line of text, in pixels."""
@@ -54,7 +61,7 @@ class Storyboard:
     out: Annotated[Path, tyro.conf.arg(metavar="FILE")]
     """Where the picture goes."""
     policy: Annotated[str | None, tyro.conf.arg(metavar="POLICY", help_behavior_hint="")] = None
-    """zero, random, a .zip of Stable-Baselines3, or module:function."""
+    """zero, random, a .zip of Stable-Baselines3, module:function, or, of a car, pursuit."""
     which: Which = "last"
     """The policy of a run."""
     options: Annotated[
@@ -70,6 +77,8 @@ class Storyboard:
     """How many, at even distances from the first step to the last."""
     steps: Annotated[tuple[int, ...], tyro.conf.arg(metavar="N", help_behavior_hint="")] = ()
     """Show these steps instead."""
+    width: Annotated[int, tyro.conf.arg(metavar="N")] = 300
+    """Of the scene in a picture, in pixels; its height is two thirds of that."""
 
 
 @dataclass(frozen=True)
@@ -86,11 +95,17 @@ def main(storyboard: Storyboard) -> None:
     require("PIL", "report")
     if not storyboard.out.parent.is_dir():
         raise UsageError(f"there is no folder '{storyboard.out.parent}' for the picture.")
+    if storyboard.width not in WIDTHS:
+        raise UsageError(f"--width is a number of pixels from 100 on, not {storyboard.width}.")
     # Pygame draws into memory; no window is needed.
     os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
     environment, policy = make(storyboard)
-    moments = play(environment, policy, storyboard.seed)
+    moments = play(environment, policy, storyboard.seed, storyboard.width)
     last = len(moments) - 1
+    if storyboard.out.suffix == ".gif":
+        film(moments, environment.metadata["render_fps"], storyboard.out)
+        print(f"{storyboard.out}: {last} steps")
+        return
     count = max(storyboard.pictures, 2)
     steps = storyboard.steps or [round(i * last / (count - 1)) for i in range(count)]
     if not all(0 <= step <= last for step in steps):
@@ -123,6 +138,10 @@ def make(storyboard: Storyboard) -> tuple[TaskWrapper, Policy]:
         return environment, sb3.load_policy(runs[0], storyboard.which)
     task, _ = find_task(storyboard.subject)
     environment = make_drawable(storyboard.subject, task, options, storyboard.horizon)
+    if storyboard.policy == "pursuit":
+        from pursuit import Pursuit
+
+        return environment, Pursuit(environment)
     return environment, named_policy(storyboard.policy, environment)
 
 
@@ -136,13 +155,14 @@ def make_drawable(
     )
 
 
-def play(environment: TaskWrapper, policy: Policy, seed: int) -> list[Moment]:
+def play(environment: TaskWrapper, policy: Policy, seed: int, width: int) -> list[Moment]:
     """Every moment of an episode, the reset's first."""
     from PIL import Image
 
     def moment(info: Mapping[str, Any]) -> Moment:
         scene: Any = environment.render()
-        return Moment(len(moments), Image.fromarray(scene).resize(PICTURE), info["margins"])
+        size = (width, width * 2 // 3)
+        return Moment(len(moments), Image.fromarray(scene).resize(size), info["margins"])
 
     moments: list[Moment] = []
     observation, info = environment.reset(seed=seed)
@@ -156,31 +176,46 @@ def play(environment: TaskWrapper, policy: Policy, seed: int) -> list[Moment]:
     return moments
 
 
+def film(moments: Sequence[Moment], steps_a_second: int, path: Path) -> None:
+    """All moments, or every second, third ... of them and the last one, one after the other."""
+    every = max(1, round(steps_a_second / FRAMES_A_SECOND))
+    shown = [*moments[:-1:every], moments[-1]]
+    frames = [draw([moment]) for moment in shown]
+    durations = [round(1000 * every / steps_a_second)] * (len(frames) - 1) + [LAST_FRAME]
+    data = io.BytesIO()
+    frames[0].save(
+        data, format="gif", save_all=True, append_images=frames[1:], duration=durations, loop=0
+    )
+    with files.writing(path):
+        path.write_bytes(data.getvalue())
+
+
 def draw(moments: Sequence[Moment]) -> Image.Image:
     """The moments in rows, from left to right."""
     from PIL import Image, ImageDraw, ImageFont
 
     font = ImageFont.load_default(size=13)
-    labels = len(moments[0].margins)
+    labels, picture = len(moments[0].margins), moments[0].scene.size
     lines = 1 + -(-labels // LABELS_IN_A_LINE)
-    width, height = PICTURE[0] + GAP, PICTURE[1] + lines * LINE + 2 * GAP
-    columns = min(COLUMNS, len(moments))
-    rows = -(-len(moments) // columns)
+    width, height = picture[0] + GAP, picture[1] + lines * LINE + 2 * GAP
+    rows = -(-len(moments) // COLUMNS)
+    columns = -(-len(moments) // rows)
     board = Image.new("RGB", (columns * width + GAP, rows * height + GAP), "white")
     pen = ImageDraw.Draw(board)
     for index, moment in enumerate(moments):
         x, y = GAP + index % columns * width, GAP + index // columns * height
         board.paste(moment.scene, (x, y))
-        pen.rectangle((x, y, x + PICTURE[0] - 1, y + PICTURE[1] - 1), outline="grey")
-        y += PICTURE[1] + 2
+        pen.rectangle((x, y, x + picture[0] - 1, y + picture[1] - 1), outline="grey")
+        y += picture[1] + 2
         pen.text((x, y), f"step {moment.step}", fill="black", font=font)
         for place, (label, margin) in enumerate(moment.margins.items()):
             colour = MET if margin >= 0 else VIOLATED
-            left = x + place % LABELS_IN_A_LINE * PICTURE[0] // LABELS_IN_A_LINE
+            left = x + place % LABELS_IN_A_LINE * picture[0] // LABELS_IN_A_LINE
             top = y + (1 + place // LABELS_IN_A_LINE) * LINE
             pen.rectangle((left, top + 4, left + 8, top + 12), fill=colour)
             pen.text((left + 13, top), label, fill=colour, font=font)
-    return board.quantize(64)
+    # Other methods give no colour to what is small, as a car is.
+    return board.quantize(256, Image.Quantize.MAXCOVERAGE, kmeans=1)
 
 
 if __name__ == "__main__":
