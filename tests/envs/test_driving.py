@@ -188,10 +188,10 @@ def test_coming_close_to_the_leader_violates_the_distance_and_touching_it_ends_t
         ({"start": []}, "start is one of random, grid"),
         ({"randomisation": "some"}, "There are no ranges 'some'"),
         ({"randomisation": 1}, "randomisation is True, False or a name"),
-        ({"beams": 0}, "beams is a whole number from 1 on, not 0"),
-        ({"beams": 6.5}, "beams is a whole number"),
-        ({"stacked": True}, "stacked is a whole number"),
-        ({"reverse": "yes"}, "reverse is True or False, not 'yes'"),
+        ({"beams": 0}, "beams needs a whole number from 1 to 1,000,000, got 0"),
+        ({"beams": 6.5}, "beams needs a whole number"),
+        ({"stacked": True}, "stacked needs a whole number"),
+        ({"reverse": "yes"}, "reverse needs true or false, got 'yes'"),
         ({"render_mode": "ansi"}, "render_mode is rgb_array or None, not 'ansi'"),
         ({"camera": "folow"}, "camera is fixed or follow, not 'folow'. Did you mean 'follow'?"),
     ],
@@ -204,9 +204,9 @@ def test_a_bad_option_is_one_clear_error(options, message):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("value", [0, -1.0, 20, True, "far"])
+@pytest.mark.parametrize("value", [0, -1.0, 20, True, "far", float("nan")])
 def test_a_bad_gap_threshold_is_refused(value):
-    with pytest.raises(UsageError, match="gap_threshold is a distance"):
+    with pytest.raises(UsageError, match=r"gap_threshold needs a (distance|number)"):
         gym.make(FOLLOW, gap_threshold=value)
 
 

@@ -34,6 +34,17 @@ def switch(name: str, given: Any) -> bool:
     raise UsageError(f"{name} needs true or false, got {given!r}.")
 
 
+def count(name: str, given: Any, most: int = 10**6) -> int:
+    """A whole number from 1 on.
+
+    Raises:
+        UsageError: It is none, or above `most`; a truth value is not taken for one.
+    """
+    if not isinstance(given, numbers.Integral) or isinstance(given, bool) or not 0 < given <= most:
+        raise UsageError(f"{name} needs a whole number from 1 to {most:,}, got {given!r}.")
+    return int(given)
+
+
 def edges(name: str, given: Any, limit: float) -> tuple[float, float]:
     """Two numbers within +-limit, the smaller one first.
 

@@ -18,6 +18,7 @@ from hprs.carsim.random_track import random_track
 from hprs.carsim.randomisation import RangesName, ranges
 from hprs.carsim.track import SIGHT, Track, stack_tracks
 from hprs.envs.driving.simulation import Simulation
+from hprs.envs.options import count, number, switch
 from hprs.errors import UsageError, did_you_mean
 
 MAP_SUFFIXES = (".yaml", ".yml")
@@ -71,11 +72,11 @@ def simulate(defaults: Options, **changes: Any) -> Simulation:
         threshold=_threshold(options.gap_threshold),
     )
     return Simulation(
-        tracks=_stack(_names(options.tracks), _flag("reverse", options.reverse)),
+        tracks=_stack(_names(options.tracks), switch("reverse", options.reverse)),
         settings=settings,
-        horizon=jnp.asarray(_count("horizon", options.horizon), jnp.int32),
-        beams=Lidar(beams=_count("beams", options.beams)).beams,
-        stacked=_count("stacked", options.stacked),
+        horizon=jnp.asarray(count("horizon", options.horizon), jnp.int32),
+        beams=Lidar(beams=count("beams", options.beams)).beams,
+        stacked=count("stacked", options.stacked),
     )
 
 
@@ -96,23 +97,12 @@ def _ranges(value: Any) -> Any:
 
 
 def _threshold(value: Any) -> Any:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < SIGHT:
+    distance = number("gap_threshold", value)
+    if not 0 < distance < SIGHT:
         raise UsageError(
-            f"gap_threshold is a distance in m, above 0 and below {SIGHT:g}, not {value!r}."
+            f"gap_threshold needs a distance in m above 0 and below {SIGHT:g}, got {value!r}."
         )
-    return jnp.asarray(value, jnp.float32)
-
-
-def _flag(name: str, value: Any) -> bool:
-    if not isinstance(value, bool):
-        raise UsageError(f"{name} is True or False, not {value!r}.")
-    return value
-
-
-def _count(name: str, value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= 10**6:
-        raise UsageError(f"{name} is a whole number from 1 on, not {value!r}.")
-    return value
+    return jnp.asarray(distance, jnp.float32)
 
 
 def _names(value: Any) -> tuple[str, ...]:
