@@ -100,6 +100,7 @@ def test_sac_starts_with_little_entropy():
         ("ent_coef", "auto_0.1"),
         ("use_sde", True),
         ("net_arch", [8]),
+        ("net_arch", {"pi": [8], "vf": [16, 16]}),
         ("policy_kwargs", {"ortho_init": False}),
     ],
 )
@@ -123,6 +124,22 @@ def test_values_of_the_right_type_are_taken(name, value):
             'ppo\'s learning_rate must be a number or a schedule like linear_0.001, got "linear_x".',
         ),
         ("net_arch", [1.5], "ppo's net_arch must be a list like [64, 64], got [1.5]."),
+        (
+            "net_arch",
+            {"pi": [8], "qf": [8]},
+            "ppo's net_arch must be a list like [64, 64], or an object like "
+            '{"pi": [64, 64], "vf": [256, 256]}, got {"pi": [8], "qf": [8]}.',
+        ),
+        (
+            "net_arch",
+            {"pi": [8], "vf": 8},
+            "ppo's net_arch must be a list like [64, 64], got 8.",
+        ),
+        (
+            "net_arch",
+            {"pi": [8], "vf": [0]},
+            "ppo's net_arch must lie in [1, 10000], got [0].",
+        ),
         ("policy_kwargs", 3, "ppo's policy_kwargs must be a JSON object or null, got 3."),
         (
             "lerning_rate",

@@ -106,6 +106,31 @@ def learn(configuration):
     environments.close()
 
 
+@pytest.mark.parametrize("algorithm", [name for name, found in ALGORITHMS.items() if found.critic])
+def test_policy_and_critics_may_have_other_layers(task, algorithm):
+    critic = ALGORITHMS[algorithm].critic
+    configuration = configure(task, algorithm, net_arch={"pi": [4], critic: [5, 6]})
+    environments = make_vector(configuration)
+    model = make_model(configuration, environments)
+    shapes = {name: tuple(p.shape) for name, p in model.policy.named_parameters()}
+    environments.close()
+    networks = {"actor": 4, "policy_net": 4, "critic": 5, "value_net": 5, "qf0": 5}
+    firsts = {
+        part: shapes[name][0]
+        for name in shapes
+        for part in networks
+        if part in name.split(".") and name.endswith(".0.weight") and "target" not in name
+    }
+    assert len(firsts) >= 2
+    assert all(networks[part] == size for part, size in firsts.items())
+
+
+def test_an_algorithm_of_one_network_takes_one_list(task):
+    with pytest.raises(UsageError) as error:
+        configure(task, "dqn", net_arch={"pi": [4], "qf": [4]})
+    assert str(error.value).startswith("dqn's net_arch must be a list like [64, 64], got {")
+
+
 def ends(found):
     return (end for end in (found.low, found.high) if abs(end) <= 10**9)
 

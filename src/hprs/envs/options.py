@@ -40,7 +40,8 @@ def count(name: str, given: Any, most: int = 10**6) -> int:
     Raises:
         UsageError: It is none, or above `most`; a truth value is not taken for one.
     """
-    if not isinstance(given, numbers.Integral) or isinstance(given, bool) or not 0 < given <= most:
+    whole = isinstance(given, numbers.Integral) and not isinstance(given, bool)
+    if not whole or not 0 < int(given) <= most:
         raise UsageError(f"{name} needs a whole number from 1 to {most:,}, got {given!r}.")
     return int(given)
 

@@ -33,6 +33,8 @@ class Algorithm:
     """Its name in `stable_baselines3`."""
     spaces: tuple[str, ...]
     """The action spaces it can handle."""
+    critic: str | None
+    """What Stable-Baselines3 calls the networks beside the policy's, `pi`; None: there are none."""
     parameters: Mapping[str, Any] = field(default_factory=dict)
     """Hyper-parameters that differ from Stable-Baselines3's defaults."""
 
@@ -49,14 +51,16 @@ ALGORITHMS: Mapping[str, Algorithm] = MappingProxyType(
         algorithm.name: algorithm
         for algorithm in (
             # Stable-Baselines3 would collect 2,048 steps of each of the 8 environments.
-            Algorithm("ppo", "PPO", _ANY_ACTION, {"environments": 8, "n_steps": 256}),
-            Algorithm("a2c", "A2C", _ANY_ACTION, {"environments": 8}),
+            Algorithm("ppo", "PPO", _ANY_ACTION, "vf", {"environments": 8, "n_steps": 256}),
+            Algorithm("a2c", "A2C", _ANY_ACTION, "vf", {"environments": 8}),
             # A step of HPRS is worth 0.01 to 0.1. The customary initial entropy coefficient of 1
             # drowns it: a car then stands still for 30,000 steps, and laps after 5,000 with 0.02.
-            Algorithm("sac", "SAC", ("Box",), {"ent_coef": "auto_0.02", "scale_reward": False}),
-            Algorithm("td3", "TD3", ("Box",), {"action_noise": 0.1, "scale_reward": False}),
-            Algorithm("ddpg", "DDPG", ("Box",), {"action_noise": 0.1, "scale_reward": False}),
-            Algorithm("dqn", "DQN", ("Discrete",), {"scale_reward": False}),
+            Algorithm(
+                "sac", "SAC", ("Box",), "qf", {"ent_coef": "auto_0.02", "scale_reward": False}
+            ),
+            Algorithm("td3", "TD3", ("Box",), "qf", {"action_noise": 0.1, "scale_reward": False}),
+            Algorithm("ddpg", "DDPG", ("Box",), "qf", {"action_noise": 0.1, "scale_reward": False}),
+            Algorithm("dqn", "DQN", ("Discrete",), None, {"scale_reward": False}),
         )
     }
 )
@@ -68,6 +72,7 @@ DEFAULT_ALGORITHMS: Mapping[str, str] = MappingProxyType({"Box": "sac"})
 OURS: Mapping[str, tuple[Any, Any, str]] = MappingProxyType(
     {
         "environments": (int, 1, "environments that are stepped side by side"),
+        # Where policy and critics differ, it is an object: {"pi": [64, 64], "qf": [256, 256]}.
         "net_arch": (list[int], (64, 64), "hidden layers of the networks"),
         "scale_reward": (bool, True, "divide rewards by the running deviation of the return"),
         "horizon_is_terminal": (bool, False, "expect nothing after the horizon: no bootstrapping"),
@@ -214,7 +219,21 @@ def _check_all(
                 f"{algorithm.name} has no hyper-parameter '{name}'."
                 f"{did_you_mean(name, known) or _similar(name, known)}"
             )
-        _check(algorithm.name, name, value, known[name][0])
+        kind = known[name][0]
+        for part in _networks(algorithm, value) if name == "net_arch" else [value]:
+            _check(algorithm.name, name, part, kind)
+
+
+def _networks(algorithm: Algorithm, value: Any) -> list[Any]:
+    """The hidden layers of each kind of network; what is no object stands for all of them."""
+    if not isinstance(value, dict) or algorithm.critic is None:
+        return [value]
+    if value.keys() != {"pi", algorithm.critic}:
+        raise UsageError(
+            f"{algorithm.name}'s net_arch must be a list like [64, 64], or an object like "
+            f'{{"pi": [64, 64], "{algorithm.critic}": [256, 256]}}, got {shown(value)}.'
+        )
+    return list(value.values())
 
 
 def _check_together(algorithm: Algorithm, parameters: Mapping[str, Any], action_space: str) -> None:

@@ -116,7 +116,7 @@ def _arguments(
     parameters = configuration.parameters
     chosen = {name: schedule(parameters[name]) for name in hyperparameters(kind)}
     chosen["policy_kwargs"] = {
-        "net_arch": list(parameters["net_arch"]),
+        "net_arch": parameters["net_arch"],
         **(parameters["policy_kwargs"] or {}),
     }
     if isinstance(chosen.get("train_freq"), list):
