@@ -168,7 +168,7 @@ def _reaching(hulls: Points, walls: Points) -> Flags:
     beyond = np.ones((len(hulls), 4, len(walls)), bool)
     for ends in (walls[:, :2], walls[:, 2:]):
         beyond &= lines @ np.concatenate([ends.T, np.ones((1, len(ends)))]) < -_ROUNDING
-    return ~beyond.any(axis=1)
+    return np.asarray(~beyond.any(axis=1))
 
 
 def _parted(hulls: Points, chain: Points, place: Indices, same: Flags, usable: Flags) -> Flags:
