@@ -99,10 +99,10 @@ def measure_all() -> None:
     maps |= {f"flower {radius}": flower(radius) for radius in (12, 30)}
     print(f"{'cars':24s}", *(f"{number:19,d}" for number in CARS))
     for name, track in maps.items():
-        cells, seen = track.visible.shape
+        cells, _, seen = track.visible.shape
         print(
-            f"{name}: {float(track.length):.0f} m, {track.walls.shape[0] - 1} walls, {cells} "
-            f"cells, at most {seen} walls seen and {track.near.shape[1]} near from one"
+            f"{name}: {float(track.length):.0f} m, {track.walls.shape[0]} walls, {cells} "
+            f"cells, at most {seen} walls seen and {track.near.shape[2]} near from one"
         )
         for beams in BEAMS:
             scan = partial(measure, lidar=Lidar(beams=beams))

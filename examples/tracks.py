@@ -63,7 +63,7 @@ def find_track(name: str, options: Tracks) -> Track:
 
 def draw(axes: Axes, track: Track, *, title: str, corner: tuple[float, float]) -> None:
     """A track whose lower left corner lies at the given place of the picture."""
-    walls = np.asarray(track.walls, float)[:-1]
+    walls = np.asarray(track.walls, float)
     shift = np.array(corner) - walls.reshape(-1, 2).min(axis=0)
     centre = np.asarray(track.centre, float) + shift
     across = normals(centre)
@@ -117,7 +117,7 @@ def run(options: Tracks) -> None:
     except ModuleNotFoundError:
         raise MissingExtraError("matplotlib", "report") from None
     found = [find_track(name, options) for name in options.names]
-    sizes = [np.ptp(np.asarray(t.walls)[:-1].reshape(-1, 2), axis=0) for t in found]
+    sizes = [np.ptp(np.asarray(t.walls).reshape(-1, 2), axis=0) for t in found]
     # A short track is narrower than what is written below it.
     columns = [max(float(width), 6.8) for width, _ in sizes]
     height = max(float(size[1]) for size in sizes)

@@ -231,7 +231,7 @@ def test_a_wedge_is_exact_to_its_tip():
     post = np.array([[-5.0, -0.5], [-4.0, -0.5], [-4.0, 0.5], [-5.0, 0.5]])
     around = np.array([[-7.0, -1.75], [-2.0, -1.75], [-2.0, 1.75], [-7.0, 1.75]])
     track = construct_track(around, [outline, post], name="wedge")
-    walls = np.asarray(track.walls, float)[:-1]
+    walls = np.asarray(track.walls, float)
     generator = np.random.default_rng(4)
     number = 2000
     x = generator.uniform(-3, 8, number)
@@ -302,7 +302,9 @@ def test_filling_walls_are_never_seen():
     poses = cars_at(free_poses("gm", 300))
     more = replace(
         padded("gm"),
-        visible=jnp.pad(padded("gm").visible, ((0, 0), (0, 7)), constant_values=-1),
+        visible=jnp.pad(
+            padded("gm").visible, ((0, 0), (0, 0), (0, 7)), constant_values=tracks.FAR
+        ),
     )
     np.testing.assert_array_equal(scans(more, poses), scans(padded("gm"), poses))
 
@@ -328,7 +330,7 @@ def test_in_float64_readings_are_exact_to_a_nanometre():
         track = load_track("gm", dtype=np.float64)
         found = scans(track, cars_at(poses))
         assert found.dtype == jnp.float64
-        expected = plain.readings(np.asarray(track.walls)[:-1], poses, ANGLES)
+        expected = plain.readings(np.asarray(track.walls), poses, ANGLES)
         np.testing.assert_allclose(found, expected, atol=1e-9)
 
 

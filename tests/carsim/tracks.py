@@ -32,7 +32,7 @@ def padded(name: str) -> Track:
 @cache
 def walls_of(name: str) -> np.ndarray:
     """The walls with a length, in float64."""
-    return np.asarray(track_of(name).walls, float)[:-1]
+    return np.asarray(track_of(name).walls, float)
 
 
 @cache

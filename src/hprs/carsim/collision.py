@@ -24,7 +24,7 @@ def touches_wall(track: Track, car: Car, *, body: Body = BODY) -> Array:
         car: Its centre is in the free space: the walls around it are listed by cell for such.
         body: Of the car.
     """
-    walls = track.walls[track.near[cell_of(track, car.position)]]
+    walls = track.near[cell_of(track, car.position)]
     return ~jnp.all(_is_clear(walls, car, body))
 
 
@@ -50,10 +50,10 @@ def touches_car(car: Car, other: Car, *, body: Body = BODY) -> Array:
 
 
 def _is_clear(walls: Array, car: Car, body: Body) -> Array:
-    """Which walls (M, 4) keep off a car's rectangle; (M,). Of NaN none does: it proves nothing."""
+    """Which walls (4, M) keep off a car's rectangle; (M,). Of NaN none does: it proves nothing."""
     along, across = body.length / 2, body.width / 2
-    x0, y0 = _seen_from(car, walls[:, 0], walls[:, 1])
-    x1, y1 = _seen_from(car, walls[:, 2], walls[:, 3])
+    x0, y0 = _seen_from(car, walls[0], walls[1])
+    x1, y1 = _seen_from(car, walls[2], walls[3])
     middle_x, middle_y = (x0 + x1) / 2, (y0 + y1) / 2
     half_x, half_y = (x1 - x0) / 2, (y1 - y0) / 2
     lever = jnp.abs(middle_x * half_y - middle_y * half_x)

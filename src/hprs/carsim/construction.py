@@ -69,18 +69,15 @@ def construct_track(
         "right": right,
         "length": closed_length(centre),
         "max_clearance": _most_clearance(walls),
-        "walls": np.concatenate([walls, np.full((1, 4), FAR)]),
+        "walls": walls,
         "origin": cells.origin,
-    }
-    lists = {
-        "columns": cells.columns,
-        "visible": cells.visible,
-        "near": cells.near,
-        "closest": cells.closest,
+        "visible": _listed(walls, cells.visible),
+        "near": _listed(walls, cells.near),
+        "closest": _listed(walls, cells.closest),
     }
     return Track(
         **{key: jnp.asarray(value, np.dtype(dtype or np.float32)) for key, value in arrays.items()},
-        **{key: jnp.asarray(value, np.int32) for key, value in lists.items()},
+        columns=jnp.asarray(cells.columns, np.int32),
     )
 
 
@@ -97,6 +94,11 @@ def walls_beside(centre: Points, left: Points, right: Points, *, name: str) -> l
         place = np.concatenate(loops)[met[0, 0]]
         raise TrackError(f"{name}: its walls cross near {_at(place)}: bend less, or be narrower.")
     return loops
+
+
+def _listed(walls: Points, table: npt.NDArray[np.intp]) -> Points:
+    """Coordinates of listed walls (C, 4, K); index W stands for none."""
+    return np.concatenate([walls, np.full((1, 4), FAR)])[table].swapaxes(1, 2)
 
 
 def _oriented(loop: Points, loops: list[Points]) -> Points:

@@ -92,20 +92,17 @@ def measure(
     """
     cosine, sine = jnp.cos(car.yaw), jnp.sin(car.yaw)
     x, y = car.x + lidar.ahead * cosine, car.y + lidar.ahead * sine
-    listed = track.visible[cell_of(track, jnp.stack([x, y]))]
-    moving = [] if others is None else [outline(others, body=body).reshape(-1, 4)]
-    # Full rounds: a wall more than once costs less than arrays that are filled up afterwards.
-    missing = -(len(listed) + sum(map(len, moving))) % _TOGETHER
-    walls = track.walls[jnp.pad(listed, (0, missing), mode="edge")]
-    walls = jnp.concatenate([walls, *moving])
+    walls = track.visible[cell_of(track, jnp.stack([x, y]))]
+    if others is not None:
+        walls = jnp.concatenate([walls, outline(others, body=body).reshape(-1, 4).T], axis=1)
 
     def turned(x: Array, y: Array) -> tuple[Array, Array]:
         return cosine * x + sine * y, cosine * y - sine * x
 
-    start = turned(walls[:, 0] - x, walls[:, 1] - y)
-    end = turned(walls[:, 2] - x, walls[:, 3] - y)
+    start = turned(walls[0] - x, walls[1] - y)
+    end = turned(walls[2] - x, walls[3] - y)
     # Not the difference of the two ends, whose rounding turns short walls that are far away.
-    along = turned(walls[:, 2] - walls[:, 0], walls[:, 3] - walls[:, 1])
+    along = turned(walls[2] - walls[0], walls[3] - walls[1])
     angles = beam_angles(lidar)
     directions = (jnp.asarray(each, x.dtype) for each in (np.cos(angles), np.sin(angles)))
     scan = 1 / jnp.maximum(_closeness(start, end, along, *directions), 1 / lidar.reach)
@@ -137,7 +134,7 @@ def _closeness(
     """Inverse distance to the nearest wall, 0 where there is none.
 
     Args:
-        start: Coordinates of the walls' ends in the sensor's axes, each (K,), full rounds.
+        start: Coordinates of the walls' ends in the sensor's axes, each (K,).
         end: Of their other ends.
         along: From the first ends to the others.
         beam_x: Unit vectors along the beams (B,).
@@ -157,7 +154,7 @@ def _closeness(
     fields = jnp.stack([x0, y0, x1, y1, along_x * scale, along_y * scale])
 
     def nearer(best: Array, walls: Array) -> tuple[Array, None]:
-        for column in range(_TOGETHER):
+        for column in range(walls.shape[1]):
             x0, y0, x1, y1, along_x, along_y = walls[:, column]
             before, after = x0 * beam_y - y0 * beam_x, y1 * beam_x - x1 * beam_y
             closeness = beam_x * along_y - beam_y * along_x
@@ -168,5 +165,7 @@ def _closeness(
         return best, None
 
     # One reduction over all walls would write every closeness to memory first: ten times slower.
-    rounds = jnp.moveaxis(fields.reshape(6, -1, _TOGETHER), 0, 1)
-    return jax.lax.scan(nearer, jnp.zeros_like(beam_x), rounds)[0]
+    rest = fields.shape[1] % _TOGETHER
+    rounds = jnp.moveaxis(fields[:, rest:].reshape(6, -1, _TOGETHER), 0, 1)
+    best, _ = nearer(jnp.zeros_like(beam_x), fields[:, :rest])
+    return jax.lax.scan(nearer, best, rounds)[0]

@@ -10,7 +10,7 @@ Axes: x right, y up, angles counter-clockwise; metres and radians.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import partial
 
 import jax
@@ -56,8 +56,8 @@ _SEARCH_HALF = 4
 class Track:
     """One track; `construct_track` makes it, `stack_tracks` batches it.
 
-    Lists of walls hold indices of rows of `walls`; they are filled up with the last row, which is a
-    wall without length far away.
+    Lists of walls hold their coordinates: a batch that looked them up by index would spend more on
+    that than on what it does with them. They are filled up with walls without length far away.
     """
 
     centre: Array
@@ -71,40 +71,26 @@ class Track:
     max_clearance: Array
     """Largest distance of a drivable point from a wall, (), m."""
     walls: Array
-    """Segments x0, y0, x1, y1 with the free space on their left, (W, 4), m."""
+    """Segments x0, y0, x1, y1 with the free space on their left, (W, 4), m; filled up in a batch."""
     origin: Array
     """Lower left corner of the grid of cells, (2,), m."""
     columns: Array
     """Cells in a row of the grid, (), integer."""
     visible: Array
-    """Walls that can be seen from some point of the cell within SIGHT, (C, K), integer."""
+    """Walls that can be seen from some point of the cell within SIGHT, (C, 4, K), m."""
     near: Array
-    """Walls within BODY_REACH of some point of the cell, (C, M), integer."""
+    """Walls within BODY_REACH of some point of the cell, (C, 4, M), m."""
     closest: Array
-    """Walls that are the closest one to some point of the cell, (C, J), integer."""
+    """Walls that are the closest one to some point of the cell, (C, 4, J), m."""
 
 
 def stack_tracks(tracks: Sequence[Track]) -> Track:
     """Tracks as one batch: every array is filled up to the largest and gets a leading axis."""
-    most = max(track.walls.shape[0] for track in tracks)
-    cells = max(track.visible.shape[0] for track in tracks)
-    padded: list[Track] = []
-    for track in tracks:
-        spare = np.full((most - track.walls.shape[0], 4), FAR, track.walls.dtype)
-        walls = np.concatenate([np.asarray(track.walls), spare])
-        lists = {
-            name: _fill(
-                np.asarray(getattr(track, name)),
-                rows=cells,
-                columns=max(getattr(other, name).shape[1] for other in tracks),
-                value=track.walls.shape[0] - 1,
-            )
-            for name in ("visible", "near", "closest")
-        }
-        padded.append(replace(track, walls=walls, **lists))
-    names = [field.name for field in fields(Track)]
     return Track(
-        **{n: jnp.stack([jnp.asarray(getattr(track, n)) for track in padded]) for n in names}
+        **{
+            field.name: _stacked([np.asarray(getattr(track, field.name)) for track in tracks])
+            for field in fields(Track)
+        }
     )
 
 
@@ -168,14 +154,13 @@ def pose_at(track: Track, s: Array, offset: Array | float = 0.0) -> Array:
 
 def wall_distance(track: Track, position: Array) -> Array:
     """Distance from a position to the nearest wall, (), m."""
-    walls = track.walls[track.closest[cell_of(track, position)]]
-    start, along = walls[:, :2], walls[:, 2:] - walls[:, :2]
-    to_position = position - start
+    x0, y0, x1, y1 = track.closest[cell_of(track, position)]
+    x, y = position[0] - x0, position[1] - y0
+    along_x, along_y = x1 - x0, y1 - y0
     # A wall without length is its point.
-    squared = jnp.maximum(jnp.sum(along**2, axis=-1), jnp.finfo(walls.dtype).tiny)
-    part = jnp.clip(jnp.sum(to_position * along, axis=-1) / squared, 0, 1)
-    gaps = to_position - part[:, None] * along
-    return jnp.sqrt(jnp.min(jnp.sum(gaps**2, axis=-1)))
+    squared = jnp.maximum(along_x**2 + along_y**2, jnp.finfo(x0.dtype).tiny)
+    part = jnp.clip((x * along_x + y * along_y) / squared, 0, 1)
+    return jnp.sqrt(jnp.min((x - part * along_x) ** 2 + (y - part * along_y) ** 2))
 
 
 def clearance(track: Track, position: Array) -> Array:
@@ -200,7 +185,10 @@ def _take(points: Array, index: Array) -> Array:
     return points[jnp.mod(index, POINTS)]
 
 
-def _fill(lists: np.ndarray, *, rows: int, columns: int, value: int) -> np.ndarray:
-    full = np.full((rows, columns), value, lists.dtype)
-    full[: lists.shape[0], : lists.shape[1]] = lists
-    return full
+def _stacked(arrays: list[np.ndarray]) -> Array:
+    """Arrays along a new first axis; only arrays of walls differ in shape."""
+    shape = np.max([array.shape for array in arrays], axis=0)
+    stack = np.full((len(arrays), *shape.astype(int)), FAR, arrays[0].dtype)
+    for row, array in enumerate(arrays):
+        stack[(row, *map(slice, array.shape))] = array
+    return jnp.asarray(stack)
