@@ -71,7 +71,7 @@ class Track:
     max_clearance: Array
     """Largest distance of a drivable point from a wall, (), m."""
     walls: Array
-    """Segments x0, y0, x1, y1 with the free space on their left, (W, 4), m; filled up in a batch."""
+    """Segments x0, y0, x1, y1 with the free space on their left, (W, 4), m."""
     origin: Array
     """Lower left corner of the grid of cells, (2,), m."""
     columns: Array
