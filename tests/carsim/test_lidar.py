@@ -302,9 +302,7 @@ def test_filling_walls_are_never_seen():
     poses = cars_at(free_poses("gm", 300))
     more = replace(
         padded("gm"),
-        visible=jnp.pad(
-            padded("gm").visible, ((0, 0), (0, 0), (0, 7)), constant_values=tracks.FAR
-        ),
+        visible=jnp.pad(padded("gm").visible, ((0, 0), (0, 0), (0, 7)), constant_values=tracks.FAR),
     )
     np.testing.assert_array_equal(scans(more, poses), scans(padded("gm"), poses))
 

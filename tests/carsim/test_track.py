@@ -135,7 +135,9 @@ def test_what_a_body_can_touch_is_in_the_list_of_its_cell(name):
         cross(walls[None, :, 2:] - walls[None, :, :2], points[:, None] - walls[None, :, :2]) > 0
     )
     for listed, gap, front in zip(near, gaps, fronts, strict=True):
-        assert set(np.flatnonzero((gap <= tracks.BODY_REACH) & front)) <= set(numbers(listed, walls))
+        assert set(np.flatnonzero((gap <= tracks.BODY_REACH) & front)) <= set(
+            numbers(listed, walls)
+        )
 
 
 @each_track
