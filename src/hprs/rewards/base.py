@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+import numpy as np
+
 from hprs.semantics.evaluation import Signals
 from hprs.spec.namespace import Array, namespace_of, select
 
@@ -70,13 +72,31 @@ def components_of(reward: Reward) -> tuple[str, ...] | None:
 
 
 def paid_at_the_end(
-    worth: Callable[..., Array], *running: Array, terminated: Array, truncated: Array
+    worth: Callable[..., Array],
+    running: tuple[Array, ...],
+    terminated: Array,
+    truncated: Array,
 ) -> Array:
-    """What an episode so far is worth, where it ends here, for whatever reason; 0 elsewhere."""
+    """What an episode so far is worth, where it ends here, for whatever reason; 0 elsewhere.
+
+    Args:
+        worth: The worth of an episode as a function of what is known of it.
+        running: What is known of it so far; with a batch, arrays with the batch first.
+        terminated: See `Reward.step`.
+        truncated: See `Reward.step`.
+    """
     ended: Any = terminated | truncated
-    if ended is False and isinstance(running[0], bool | int | float):
-        return 0.0
+    if isinstance(running[0], bool | float | list):
+        return worth(*running) if ended else 0.0
+    if _is_numpy(ended):
+        # Few episodes end in one step.
+        found = worth(*[known[ended] for known in running])
+        paid = np.zeros(ended.shape, found.dtype)
+        paid[ended] = found
+        return paid
     value = worth(*running)
-    if isinstance(value, float):
-        return select(ended, value, 0.0)
     return select(ended, value, namespace_of((value,)).zeros_like(value))
+
+
+def _is_numpy(value: Any) -> bool:
+    return isinstance(value, np.ndarray)

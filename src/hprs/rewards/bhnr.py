@@ -7,21 +7,20 @@ filtering semantics is that of Rodionova et al. (2016).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from numbers import Integral
-from typing import Any, Literal, NamedTuple, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias, get_args
 
 from hprs.errors import UsageError, did_you_mean
 from hprs.semantics.evaluation import Signals
 from hprs.semantics.plan import plan_of
 from hprs.semantics.robustness import (
+    Follower,
     Operator,
-    RowMargins,
     check_margin_form,
     formula,
+    least_of,
     require_formula,
-    row_margins,
-    row_truths,
 )
 from hprs.semantics.window import ALL, LEAST, MEAN, MEAN_OF_MINIMA, RUN, Filter
 from hprs.spec.misuse import shown
@@ -76,13 +75,18 @@ class WindowRobustness:
             count = plan_of(self.task).comfort_start
             check_margin_form(self.task, "normalised", rows=count, instead="form='boolean'")
 
+    @cached_property
+    def _follower(self) -> Follower:
+        form = "normalised" if self.form == "quantitative" else "truth"
+        return Follower(self.task, formula(self.task), form)
+
     def init(self, signals: Signals) -> tuple[Any, ...]:
         """Windows of s_0 alone."""
-        margins, size = self._margins(signals), self.window
+        values, size = self._follower.now(signals), self.window
         return tuple(
             [
-                watch.filter.begin(margins.least(watch.rows), size)
-                for watch in _watches(self.task, self.form)
+                filter.begin(value, size)
+                for filter, value in zip(_filters(self.task, self.form), values, strict=True)
             ]
         )
 
@@ -91,38 +95,24 @@ class WindowRobustness:
     ) -> tuple[tuple[Any, ...], Array]:
         """The windows one state later, and what they are worth."""
         del terminated, truncated
-        margins, size = self._margins(signals), self.window
+        values, size = self._follower.now(signals), self.window
         windows: list[Any] = []
-        values: list[Array] = []
-        for watch, window in zip(_watches(self.task, self.form), memory, strict=True):
-            window = watch.filter.push(window, margins.least(watch.rows), size)
+        for index, filter in enumerate(_filters(self.task, self.form)):
+            window = filter.push(memory[index], values[index], size)
             windows.append(window)
-            values.append(watch.filter.value(window, size))
-        return tuple(windows), margins.operations["min"](*values)
-
-    def _margins(self, signals: Signals) -> RowMargins:
-        rows = plan_of(self.task).comfort_start
-        if self.form == "quantitative":
-            return row_margins(self.task, signals, "normalised", rows)
-        return row_truths(self.task, signals, rows)
-
-
-class _Watch(NamedTuple):
-    """Rows that one filter follows: the least of their values."""
-
-    rows: tuple[int, ...]
-    filter: Filter
+            values[index] = filter.value(window, size)
+        return tuple(windows), least_of(values)
 
 
 @lru_cache(maxsize=256)
-def _watches(task: Task, form: WindowForm) -> tuple[_Watch, ...]:
-    """Filters of safety and of the target, as far as the task has them."""
+def _filters(task: Task, form: WindowForm) -> tuple[Filter, ...]:
+    """The filters of the parts of a task's formula."""
     filters: dict[Operator, Filter] = {
         "always": ALL if form == "boolean" else LEAST,
         "eventually": MEAN,
         "eventually always": RUN if form == "boolean" else MEAN_OF_MINIMA,
     }
-    return tuple([_Watch(part.rows, filters[part.operator]) for part in formula(task)])
+    return tuple([filters[part.operator] for part in formula(task)])
 
 
 def require_window(window: object) -> None:

@@ -38,17 +38,19 @@ class EpisodeAssessment:
         self, memory: Tally, signals: Signals, terminated: Array, truncated: Array
     ) -> tuple[Tally, Array]:
         """The tally so far; PAM, where the episode ends."""
-        plan, evaluation = plan_of(self.task), evaluate(self.task, signals)
+        evaluation = evaluate(self.task, signals)
         single = is_single(evaluation)
         before = memory if single else _batch_last(memory)
-        tally = assessment.advance(plan, before, evaluation.satisfied)
+        tally = assessment.advance(plan_of(self.task), before, evaluation.satisfied)
+        tally = tally if single else _batch_first(tally)
+        worth = self._of_state if single else self._of_batch
+        return tally, paid_at_the_end(worth, tally, terminated, truncated)
 
-        def worth(target: Array) -> Array:
-            del target
-            return assessment.conclude(plan, tally).pam
+    def _of_state(self, *tally: Any) -> Array:
+        return assessment.conclude(plan_of(self.task), Tally(*tally)).pam
 
-        paid = paid_at_the_end(worth, tally.target, terminated=terminated, truncated=truncated)
-        return tally if single else _batch_first(tally), paid
+    def _of_batch(self, *tally: Any) -> Array:
+        return assessment.conclude(plan_of(self.task), _batch_last(Tally(*tally))).pam
 
 
 def _moved(tally: Tally, source: int, destination: int) -> Tally:

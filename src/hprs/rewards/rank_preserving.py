@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, ClassVar
 
 from hprs.errors import UsageError
@@ -13,12 +13,10 @@ from hprs.semantics.evaluation import Signals
 from hprs.semantics.plan import plan_of
 from hprs.semantics.robustness import (
     OPERATORS,
+    Follower,
     MarginForm,
     Part,
-    advance,
-    begin,
     check_margin_form,
-    row_margins,
 )
 from hprs.spec.misuse import shown
 from hprs.spec.namespace import Array, namespace_of
@@ -72,21 +70,20 @@ class RankPreserving:
             )
         check_margin_form(self.task, self.margins)
 
+    @cached_property
+    def _follower(self) -> Follower:
+        return Follower(self.task, levels(self.task), self.margins)
+
     def init(self, signals: Signals) -> tuple[Array, ...]:
         """Robustness of the levels over s_0."""
-        rows = len(plan_of(self.task).rows)
-        return begin(levels(self.task), row_margins(self.task, signals, self.margins, rows))
+        return self._follower.begin(signals)
 
     def step(
         self, memory: tuple[Array, ...], signals: Signals, terminated: Array, truncated: Array
     ) -> tuple[tuple[Array, ...], Array]:
         """Robustness of the levels so far; what the episode is worth, where it ends."""
-        rows = len(plan_of(self.task).rows)
-        margins = row_margins(self.task, signals, self.margins, rows)
-        running = advance(levels(self.task), memory, margins)
-        return running, paid_at_the_end(
-            self._worth, *running, terminated=terminated, truncated=truncated
-        )
+        running = self._follower.advance(memory, signals)
+        return running, paid_at_the_end(self._worth, running, terminated, truncated)
 
     def _worth(self, *running: Array) -> Array:
         count = len(running)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from operator import mul
 from types import MappingProxyType
 from typing import TypeAlias, cast
 
@@ -75,13 +77,18 @@ class Scalarized:
         )
         return potential, base_reward(plan_of(self.task).target_row, evaluation) + shaping
 
-    def _potential(self, evaluation: Evaluation) -> Array:
+    @cached_property
+    def _by_row(self) -> tuple[float, ...]:
+        """The weights in the order of the plan's rows."""
         weights = dict(zip(self.task.labels, cast("tuple[float, ...]", self.weights), strict=True))
+        return tuple([weights[label] for label in plan_of(self.task).labels])
+
+    def _potential(self, evaluation: Evaluation) -> Array:
         if is_single(evaluation):
-            return sum([weights[label] * score for label, score in evaluation.scores.items()], 0.0)
+            return sum(map(mul, self._by_row, evaluation.scores.values()), 0.0)
         total: Array = evaluation.potential * 0.0
-        for row, label in enumerate(plan_of(self.task).labels):
-            total = total + weights[label] * evaluation.scores[row]
+        for row, weight in enumerate(self._by_row):
+            total = total + weight * evaluation.scores[row]
         return total
 
 

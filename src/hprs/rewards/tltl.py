@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 from hprs.rewards.base import PAID_AT_THE_END, Demands, paid_at_the_end
 from hprs.semantics.evaluation import Signals
 from hprs.semantics.plan import plan_of
 from hprs.semantics.robustness import (
+    Follower,
     MarginForm,
-    RowMargins,
-    advance,
-    begin,
     check_margin_form,
     formula,
+    least_of,
     require_formula,
-    row_margins,
 )
 from hprs.spec.namespace import Array
 from hprs.spec.task import Task
@@ -49,18 +48,21 @@ class EpisodeRobustness:
         require_formula(self.task, "tltl")
         check_margin_form(self.task, self.margins, rows=plan_of(self.task).comfort_start)
 
+    @cached_property
+    def _follower(self) -> Follower:
+        return Follower(self.task, formula(self.task), self.margins)
+
     def init(self, signals: Signals) -> tuple[Array, ...]:
         """Robustness of the parts over s_0."""
-        return begin(formula(self.task), self._margins(signals))
+        return self._follower.begin(signals)
 
     def step(
         self, memory: tuple[Array, ...], signals: Signals, terminated: Array, truncated: Array
     ) -> tuple[tuple[Array, ...], Array]:
         """Robustness of the parts so far; that of the whole, where the episode ends."""
-        margins = self._margins(signals)
-        running = advance(formula(self.task), memory, margins)
-        worth = margins.operations["min"]
-        return running, paid_at_the_end(worth, *running, terminated=terminated, truncated=truncated)
+        running = self._follower.advance(memory, signals)
+        return running, paid_at_the_end(_worth, running, terminated, truncated)
 
-    def _margins(self, signals: Signals) -> RowMargins:
-        return row_margins(self.task, signals, self.margins, plan_of(self.task).comfort_start)
+
+def _worth(*running: Array) -> Array:
+    return least_of(running)

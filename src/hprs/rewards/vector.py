@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
@@ -83,13 +84,18 @@ class RequirementVector:
         )
         return scores, _spread(base_reward(plan_of(self.task).target_row, evaluation)) + shaping
 
-    def _scores(self, evaluation: Evaluation) -> Array:
+    @cached_property
+    def _order(self) -> tuple[int, ...]:
+        """The plan's rows in the order of the text."""
         labels = plan_of(self.task).labels
+        return tuple([labels.index(label) for label in self.task.labels])
+
+    def _scores(self, evaluation: Evaluation) -> Array:
         if is_single(evaluation):
-            return np.asarray([evaluation.scores[label] for label in self.task.labels])
-        xp = namespace_of((evaluation.scores,))
-        rows = [evaluation.scores[labels.index(label)] for label in self.task.labels]
-        return xp.stack(rows, axis=-1)
+            scores = list(evaluation.scores.values())
+            return np.asarray([scores[row] for row in self._order])
+        rows = [evaluation.scores[row] for row in self._order]
+        return namespace_of(rows).stack(rows, axis=-1)
 
 
 def _spread(value: Any) -> Any:

@@ -81,13 +81,10 @@ def potential(task: Task, signals: Signals) -> Array:
 
 def hard_potential(task: Task, evaluation: Evaluation) -> Array:
     """The hierarchical potential of an evaluated state without its comfort requirements."""
-    plan = plan_of(task)
-    groups = [group for group in plan.groups if group.members[0] < plan.comfort_start]
+    groups = plan_of(task).hard_groups
     if is_single(evaluation):
-        rows = list(evaluation.scores.values())
-        return float(_potential(groups, rows))
-    zero = evaluation.potential * 0.0
-    return zero + _potential(groups, evaluation.scores)
+        return 0.0 + _potential(groups, list(evaluation.scores.values()))
+    return evaluation.potential * 0.0 + _potential(groups, evaluation.scores)
 
 
 def margins(task: Task, signals: Signals) -> dict[str, Array]:

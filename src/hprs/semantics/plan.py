@@ -94,6 +94,10 @@ class Plan:
         self.any_strict = any(self.strict)
         self.compound = len(self.leaves) > len(self.rows)
         self.groups = _groups(task, self.rows)
+        self.hard_groups = tuple(
+            group for group in self.groups if group.members[0] < self.comfort_start
+        )
+        """Those of safety and target."""
 
     def array_margins(self, xp: ModuleType) -> Margins:
         """Margins of the leaves over arrays of a namespace."""

@@ -11,12 +11,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
-from types import MappingProxyType
-from typing import Any, Literal, NamedTuple, TypeAlias, get_args
+from types import MappingProxyType, ModuleType
+from typing import Literal, NamedTuple, TypeAlias, get_args
 
 from hprs.errors import UsageError, did_you_mean
 from hprs.semantics.evaluation import Signals, column, evaluate, is_single, leaf_margins, pick
-from hprs.semantics.plan import Plan, plan_of
+from hprs.semantics.plan import Evaluation, Plan, plan_of
 from hprs.semantics.trace import check_trace
 from hprs.spec.compiler import compile_margins
 from hprs.spec.interval import Interval
@@ -55,19 +55,6 @@ class Part(NamedTuple):
     rows: tuple[int, ...]
 
 
-class RowMargins(NamedTuple):
-    """Margins of the first rows of a plan in one state, or in a batch of states."""
-
-    rows: Sequence[Any]
-    """A list of floats, or an array with the rows on its first axis."""
-    operations: Operations
-    """`min` and `max` of such values."""
-
-    def least(self, rows: Sequence[int]) -> Array:
-        """The smallest of some rows."""
-        return self.operations["min"](*[self.rows[row] for row in rows])
-
-
 def check_margin_form(
     task: Task, form: str, *, rows: int | None = None, instead: str = "margins='raw'"
 ) -> None:
@@ -98,57 +85,86 @@ def check_margin_form(
                 )
 
 
-def row_margins(task: Task, signals: Signals, form: MarginForm, rows: int) -> RowMargins:
-    """The margins of the first rows of a task's plan; see `MARGIN_FORMS`."""
-    evaluation = evaluate(task, signals)
-    if is_single(evaluation):
-        if form == "raw":
-            return RowMargins(list(evaluation.margins.values())[:rows], float_operations())
-        normalise = _float_normaliser(task, rows)
-        return RowMargins(normalise(signals, evaluation.margins), float_operations())
-    xp = namespace_of((evaluation.margins,))
-    if form == "raw":
-        return RowMargins(evaluation.margins[:rows], array_operations(xp))
-    plan = plan_of(task)
-    if not plan.compound:
-        scaled = _scaled(plan, evaluation.margins, slice(rows))
-        return RowMargins(scaled, array_operations(xp))
-    leaves = _scaled(plan, leaf_margins(plan, pick(plan, signals), xp), slice(None))
-    operations = array_operations(xp)
-    return RowMargins(_combined(plan, leaves, operations)[:rows], operations)
+class Follower:
+    """Follows parts of a task through an episode; plain data, so that it can be pickled.
 
+    Args:
+        task: The task.
+        parts: What to follow.
+        form: One of `MARGIN_FORMS`; or "truth", which is 1 for a row that is satisfied, strictness
+            included, and 0 for one that is not.
+    """
 
-def row_truths(task: Task, signals: Signals, rows: int) -> RowMargins:
-    """For the first rows of a task's plan 1 where they are satisfied, strictness included, or 0."""
-    evaluation = evaluate(task, signals)
-    if is_single(evaluation):
-        return RowMargins(list(map(float, evaluation.satisfied[:rows])), float_operations())
-    xp = namespace_of((evaluation.satisfied,))
-    truths = xp.astype(evaluation.satisfied[:rows], evaluation.potential.dtype)
-    return RowMargins(truths, array_operations(xp))
-
-
-def begin(parts: Sequence[Part], margins: RowMargins) -> tuple[Array, ...]:
-    """The robustness of every part over s_0 alone."""
-    return tuple([margins.least(part.rows) for part in parts])
-
-
-def advance(
-    parts: Sequence[Part], running: tuple[Array, ...], margins: RowMargins
-) -> tuple[Array, ...]:
-    """The robustness of every part over the episode so far, one state later."""
-    now = begin(parts, margins)
-    operations = margins.operations
-    return tuple(
-        [
-            value
-            if part.operator == "eventually always"
-            else operations["min" if part.operator == "always" else "max"](before, value)
-            for part, before, value in zip(parts, running, now, strict=True)
+    def __init__(
+        self, task: Task, parts: Sequence[Part], form: MarginForm | Literal["truth"]
+    ) -> None:
+        plan = plan_of(task)
+        self._task, self._form = task, form
+        self._parts = tuple(parts)
+        self._operators = [part.operator for part in parts]
+        self._rows = [part.rows for part in parts]
+        self._last = max(row for part in parts for row in part.rows) + 1
+        self._leafwise = form == "normalised" and plan.compound
+        self._scaled_rows = [
+            [(plan.labels[row], *_scale(leaf)) for row, leaf in zip(part.rows, leaves, strict=True)]
+            for part, leaves in zip(parts, _leaves(plan, self._parts), strict=True)
         ]
-    )
+
+    def now(self, signals: Signals) -> list[Array]:
+        """For each part the least value of its rows in this state, or in each of a batch."""
+        evaluation = evaluate(self._task, signals)
+        if not is_single(evaluation):
+            return self._of_batch(signals, evaluation)
+        if self._form == "truth":
+            satisfied = evaluation.satisfied
+            return [float(all([satisfied[row] for row in rows])) for rows in self._rows]
+        if self._leafwise:
+            values = _float_normaliser(self._task)(signals)
+            return [_smallest([values[row] for row in rows]) for rows in self._rows]
+        margins = evaluation.margins
+        if self._form == "raw":
+            return [_smallest([margins[row[0]] for row in rows]) for rows in self._scaled_rows]
+        return [
+            _smallest([_normalised(margins[label], below, above) for label, below, above in rows])
+            for rows in self._scaled_rows
+        ]
+
+    def begin(self, signals: Signals) -> tuple[Array, ...]:
+        """The robustness of every part over s_0 alone."""
+        return tuple(self.now(signals))
+
+    def advance(self, running: tuple[Array, ...], signals: Signals) -> tuple[Array, ...]:
+        """The robustness of every part over the episode so far, one state later."""
+        now = self.now(signals)
+        operations = _operations(now)
+        for index, operator in enumerate(self._operators):
+            if operator == "always":
+                now[index] = operations["min"](running[index], now[index])
+            elif operator == "eventually":
+                now[index] = operations["max"](running[index], now[index])
+        return tuple(now)
+
+    def _of_batch(self, signals: Signals, evaluation: Evaluation) -> list[Array]:
+        plan = plan_of(self._task)
+        xp = namespace_of((evaluation.margins,))
+        least = array_operations(xp)["min"]
+        values = evaluation.margins[: self._last]
+        if self._form == "truth":
+            values = xp.astype(evaluation.satisfied[: self._last], evaluation.potential.dtype)
+        elif self._leafwise:
+            leaves = leaf_margins(plan, pick(plan, signals), xp)
+            values = _combined(plan, _scaled(plan, leaves), array_operations(xp))
+        elif self._form == "normalised":
+            values = _scaled(plan, values)
+        return [least(*[values[row] for row in rows]) for rows in self._rows]
 
 
+def least_of(values: Sequence[Array]) -> Array:
+    """The smallest of some floats, or of some arrays one by one."""
+    return _operations(values)["min"](*values)
+
+
+@lru_cache(maxsize=256)
 def formula(task: Task) -> tuple[Part, ...]:
     """The task as one formula, a conjunction of these parts: safety and target, without comfort."""
     plan = plan_of(task)
@@ -190,17 +206,17 @@ def robustness(task: Task, trace: Signals, *, margins: MarginForm = "raw") -> di
     plan = plan_of(task)
     values = check_trace(plan, trace)
     xp = namespace_of(values.values())
-    found: list[Array] = []
-    for row, over_time in zip(
-        plan.rows, row_margins(task, values, margins, len(plan.rows)).rows, strict=True
-    ):
-        operator = OPERATORS[row.kind]
-        if operator == "eventually always":
-            found.append(over_time[-1])
-        else:
-            reduction = xp.min if operator == "always" else xp.max
-            found.append(reduction(over_time, axis=0))
-    return plan.by_label(found)
+    parts = [Part(OPERATORS[row.kind], (number,)) for number, row in enumerate(plan.rows)]
+    over_time = Follower(task, parts, margins).now(values) if parts else []
+    return plan.by_label(
+        [_over_time(part.operator, row, xp) for part, row in zip(parts, over_time, strict=True)]
+    )
+
+
+def _over_time(operator: Operator, values: Array, xp: ModuleType) -> Array:
+    if operator == "eventually always":
+        return values[-1]
+    return (xp.min if operator == "always" else xp.max)(values, axis=0)
 
 
 def _scale(leaf: Interval) -> tuple[float, float]:
@@ -212,14 +228,19 @@ def _scale(leaf: Interval) -> tuple[float, float]:
     )
 
 
-def _scaled(plan: Plan, leaves: Array, kept: slice) -> Array:
-    """Margins of the leaves, normalised."""
+def _leaves(plan: Plan, parts: Sequence[Part]) -> list[list[Interval]]:
+    """For each part the ranges of its rows, where each row is one comparison; else of any."""
+    if plan.compound:
+        return [[plan.ranges[0]] * len(part.rows) for part in parts]
+    return [[plan.ranges[row] for row in part.rows] for part in parts]
+
+
+def _scaled(plan: Plan, leaves: Array) -> Array:
+    """Margins of the first leaves, normalised."""
     xp = namespace_of((leaves,))
-    leaves = leaves[kept]
-    below, above = zip(*map(_scale, plan.ranges[kept]), strict=True)
-    limit, least, most = array_operations(xp), column(below, leaves, xp), column(above, leaves, xp)
-    scaled = xp.where(leaves >= 0.0, leaves / most, leaves / least)
-    return limit["clip"](scaled, -1.0, 1.0)
+    below, above = zip(*map(_scale, plan.ranges[: leaves.shape[0]]), strict=True)
+    scale = xp.where(leaves >= 0.0, column(above, leaves, xp), column(below, leaves, xp))
+    return xp.clip(leaves / scale, -1.0, 1.0)
 
 
 def _combined(plan: Plan, leaves: Sequence[Array], operations: Operations) -> list[Array]:
@@ -228,27 +249,32 @@ def _combined(plan: Plan, leaves: Sequence[Array], operations: Operations) -> li
 
 
 @lru_cache(maxsize=256)
-def _float_normaliser(task: Task, rows: int) -> Callable[[Signals, Mapping[str, float]], Any]:
-    """Normalised margins of the first rows, from the signals of one state and its raw margins."""
+def _float_normaliser(task: Task) -> Callable[[Signals], list[float]]:
+    """Normalised margins of all rows from the signals of one state, comparison by comparison."""
     plan = plan_of(task)
     scales = tuple(map(_scale, plan.ranges))
-    if not plan.compound:
-        first = list(zip(plan.labels[:rows], scales, strict=False))
-
-        def of_margins(signals: Signals, margins: Mapping[str, float]) -> list[float]:
-            return [_normalised(margins[label], below, above) for label, (below, above) in first]
-
-        return of_margins
     compiled, operations = compile_margins(task, plan.leaves, None), float_operations()
 
-    def of_leaves(signals: Signals, margins: Mapping[str, float]) -> list[float]:
+    def normalise(signals: Signals) -> list[float]:
         leaves = [
             _normalised(float(margin), below, above)
             for margin, (below, above) in zip(compiled(signals), scales, strict=True)
         ]
-        return _combined(plan, leaves, operations)[:rows]
+        return _combined(plan, leaves, operations)
 
-    return of_leaves
+    return normalise
+
+
+def _operations(values: Sequence[Array]) -> Operations:
+    if isinstance(values[0], float):
+        return float_operations()
+    return array_operations(namespace_of(values))
+
+
+def _smallest(values: list[float]) -> float:
+    if len(values) == 1:
+        return values[0]
+    return float_operations()["min"](*values)
 
 
 def _normalised(margin: float, below: float, above: float) -> float:
