@@ -11,6 +11,7 @@ import pytest
 import torch
 
 from hprs import make_reward, parse_task
+from hprs.envs.registration import BENCHMARKS
 from hprs.errors import UsageError
 from hprs.rewards import (
     ENDS,
@@ -194,6 +195,23 @@ def test_rewards_by_name() -> None:
     assert make_reward("rank-preserving", LINE, base=3) == RankPreserving(LINE, 3)
     assert make_reward("pam", LINE) == EpisodeAssessment(LINE)
     assert make_reward("vector", LINE, form="score") == RequirementVector(LINE, "score")
+
+
+@pytest.mark.parametrize("benchmark", BENCHMARKS.values(), ids=list(BENCHMARKS))
+def test_every_reward_can_be_made_of_every_benchmark(benchmark: Any) -> None:
+    task = benchmark.task
+    lengths = {signal.name: signal.length for signal in task.signals}
+    state: dict[str, Any] = {"env_reward": 0.5}
+    for name, bounds in task.ranges.items():
+        middle = (bounds.low + bounds.high) / 2
+        length = lengths.get(name)
+        state[name] = middle if length is None else np.full(length, middle)
+    for name in REWARDS:
+        reward = make_reward(name, task, horizon=benchmark.horizon, **options_of(name, task))
+        memory = reward.init(state)
+        for ends in ((False, False), (False, True), (True, False)):
+            memory, paid = reward.step(memory, state, *ends)
+            assert np.all(np.isfinite(paid))
 
 
 @pytest.mark.parametrize(("horizon", "window"), [(500, 25), (39, 1), (7, 1), (100_000, 5000)])
