@@ -22,25 +22,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from _common import best_of, lander, lander_step
+from _flower import flower
 
 from hprs.carsim.collision import touches_car, touches_wall
-from hprs.carsim.designs import corridor, load_track
+from hprs.carsim.designs import load_track
 from hprs.carsim.lidar import Lidar, measure
-from hprs.carsim.track import POINTS, Track, pose_at
+from hprs.carsim.track import Track, pose_at
 from hprs.carsim.vehicle import Car, at_rest
 
 CARS = (1, 16, 256, 1_024, 4_096, 16_384)
 BEAMS = (64, 1_080)
 MOST_READINGS = 2**22
 """In one call: a scan of more is left out."""
-
-
-def flower(radius: float) -> Track:
-    """A corridor that winds around a circle, for large maps."""
-    angle = np.linspace(0, 2 * np.pi, POINTS, endpoint=False)
-    distance = radius + 0.07 * radius * np.sin(round(0.35 * radius) * angle)
-    centre = distance[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    return corridor(centre, np.full(POINTS, 0.75), name=f"flower of {radius:g} m")
 
 
 def cars_on(track: Track, number: int, key: int = 0) -> Car:

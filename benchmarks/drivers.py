@@ -29,9 +29,9 @@ from hprs.carsim.actuators import MAX_SPEED_COMMAND, Command
 from hprs.carsim.drivers import PursuitParameters, pursue
 from hprs.carsim.leader import LeaderParameters, follow_the_gap
 from hprs.carsim.lidar import beam_angles
+from hprs.carsim.selection import selected
 from hprs.carsim.track import Track, stack_tracks
 from hprs.envs import functional, task_of
-from hprs.envs.driving.selection import selected
 from hprs.envs.driving.simulation import SPEED_CHANGE, Episode, Simulation
 
 SAFE, FOLLOW = "hprs/SafeDriving-v0", "hprs/FollowLeader-v0"

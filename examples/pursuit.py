@@ -12,8 +12,8 @@ import numpy as np
 
 from hprs.carsim.actuators import MAX_SPEED_COMMAND
 from hprs.carsim.drivers import PursuitParameters, pursue
+from hprs.carsim.selection import selected
 from hprs.carsim.track import Track
-from hprs.envs.driving.selection import selected
 from hprs.envs.driving.simulation import SPEED_CHANGE, Episode
 from hprs.envs.driving.single import DrivingEnv
 from hprs.errors import UsageError

@@ -25,9 +25,9 @@ from hprs.carsim.designs import corridor
 from hprs.carsim.drivers import PursuitParameters, pursue
 from hprs.carsim.race import CONTROL_STEP, Settings
 from hprs.carsim.randomisation import ranges
+from hprs.carsim.selection import selected
 from hprs.carsim.track import Track, stack_tracks
 from hprs.envs import task_of
-from hprs.envs.driving.selection import selected
 from hprs.envs.driving.simulation import SPEED_CHANGE, Episode, Simulation
 from hprs.errors import HprsError, MissingExtraError
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from hprs.carsim.actuators import MAX_SPEED_COMMAND
 from hprs.carsim.drivers import pursue
+from hprs.carsim.selection import selected
 from hprs.envs import functional
-from hprs.envs.driving.selection import selected
 from hprs.envs.driving.simulation import SPEED_CHANGE
 
 SAFE, FOLLOW = "hprs/SafeDriving-v0", "hprs/FollowLeader-v0"

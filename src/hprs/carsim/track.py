@@ -29,10 +29,10 @@ BODY_REACH = 0.6
 FAR = 1e5
 """Where walls stand that only fill an array up, in m."""
 
-# Three rounds of nine places, each within a quarter of the round before: a car that came within
-# 1.6 m of arc length since the last call is found to a few centimetres.
-_SEARCH_STEPS = (0.4, 0.1, 0.025)
-_SEARCH_HALF = 4
+# Places in m of three rounds, relative to the best one of the round before: a car that came within
+# 1.6 m of arc length since the last call is found to a few centimetres. A round covers half a step
+# of the one before to both sides, and a bit more for the rounding to points.
+_SEARCH = (0.4 * np.arange(-4, 5), 0.1 * np.arange(-2, 3), 0.025 * np.arange(-2, 3))
 
 
 @partial(
@@ -115,10 +115,9 @@ def progress(track: Track, position: Array, previous: Array) -> Array:
         () in [0, length), m.
     """
     spacing = track.length / POINTS
-    offsets = np.arange(-_SEARCH_HALF, _SEARCH_HALF + 1)
     guess = previous
-    for step in _SEARCH_STEPS:
-        places = guess + jnp.asarray(offsets * step, position.dtype)
+    for offsets in _SEARCH:
+        places = guess + jnp.asarray(offsets, position.dtype)
         points = _take(track.centre, jnp.round(places / spacing).astype(jnp.int32))
         guess = places[jnp.argmin(jnp.sum((points - position) ** 2, axis=-1))]
     found = _foot(track, position, jnp.round(guess / spacing).astype(jnp.int32))

@@ -17,8 +17,8 @@ from jax import Array
 from hprs.carsim import race
 from hprs.carsim.actuators import MAX_SPEED_COMMAND, Command
 from hprs.carsim.lidar import BEAMS, Lidar, measure, with_noise
+from hprs.carsim.selection import selected
 from hprs.carsim.track import SIGHT, Track
-from hprs.envs.driving.selection import selected
 
 SPEED_CHANGE = 0.4
 """Change of the speed command by an action of 1, m/s: 4 m/s^2 at 10 Hz."""
