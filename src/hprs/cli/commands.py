@@ -20,6 +20,7 @@ Examples:
   hprs train hprs/CartPole-v0                 train a policy; writes below runs/
   hprs evaluate RUN                           how well does it meet each requirement?
   hprs assess log.csv --task my_task.hprs     the same for a recorded log
+  hprs explain RUN                            what earned or cost what, step by step
 """
 
 COMMANDS: Mapping[str, str] = MappingProxyType(
@@ -29,6 +30,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "train": "Train",
         "evaluate": "Evaluate",
         "assess": "Assess",
+        "explain": "Explain",
     }
 )
 """Subcommand to its class, which lives in the module of the same name; in the order of the help."""

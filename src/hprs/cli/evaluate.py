@@ -92,48 +92,30 @@ class Evaluate:
         return 0
 
     def _run(self) -> tuple[str, Callable[[], TaskWrapper], Mapping[str, Policy]]:
-        from hprs.errors import did_you_mean
-        from hprs.spec.parameters import override, parse_constants
+        from hprs.cli.assessed_run import check_which, environment_of
         from hprs.training import sb3
-        from hprs.training.algorithms import parse_settings
-        from hprs.training.environment import check_options, make_environment, read_task
         from hprs.training.policies import check_spaces
-        from hprs.training.run_directory import WHICH, find_runs
+        from hprs.training.run_directory import find_runs
 
-        if self.which not in WHICH:
-            raise UsageError(
-                f"--which is {' or '.join(WHICH)}, not '{self.which}'."
-                f"{did_you_mean(self.which, WHICH)}"
-            )
+        which = check_which(self.which)
         if not Path(self.subject).exists() and self._is_environment():
             raise UsageError(
                 f"'{self.subject}' is an environment: name a policy too, as in --policy random."
             )
         runs = find_runs(Path(self.subject))
-        configuration = runs[0].configuration
-        task = read_task(self.task)[0] if self.task else configuration.task
-        task = override(task, parse_constants(self.constants), path=self.task or self.subject)
-        given = parse_settings(self.options, "--env")
-        options = {**configuration.environment_options, **given}
-        if given:
-            check_options(configuration.environment, options)
-
-        def make() -> TaskWrapper:
-            return make_environment(
-                configuration.environment,
-                task,
-                "sparse",
-                horizon=self.horizon or configuration.horizon,
-                **options,
-            )
-
-        policies = {
-            f"seed {run.configuration.seed}": sb3.load_policy(run, self.which) for run in runs
-        }
+        make = environment_of(
+            runs[0],
+            task_path=self.task,
+            constants=self.constants,
+            options=self.options,
+            horizon=self.horizon,
+        )
+        policies = {f"seed {run.configuration.seed}": sb3.load_policy(run, which) for run in runs}
         environment = make()
         for run, policy in zip(runs, policies.values(), strict=True):
-            check_spaces(str(run.policy(self.which)), policy.spaces, environment)
+            check_spaces(str(run.policy(which)), policy.spaces, environment)
         environment.close()
+        configuration = runs[0].configuration
         title = (
             f"{configuration.environment}, {configuration.reward} reward, "
             f"{configuration.algorithm}, {self.which} policy"

@@ -1,0 +1,1 @@
+"""Explains an episode: which requirement earned or cost what, step by step."""
