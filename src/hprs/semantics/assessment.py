@@ -20,7 +20,7 @@ import numpy as np
 from hprs.errors import UsageError
 from hprs.semantics.evaluation import Signals, evaluate_arrays
 from hprs.semantics.plan import Evaluation, Plan, plan_of
-from hprs.semantics.trace import check_trace, count_outside
+from hprs.semantics.trace import Missing, check_missing, check_trace, count_outside
 from hprs.spec.misuse import shown
 from hprs.spec.namespace import Array, both, namespace_of, select, truth
 from hprs.spec.task import Task, require_task
@@ -34,7 +34,10 @@ _Numbers: TypeAlias = "np.ndarray[Any, np.dtype[np.float64]]"
 
 @dataclass(frozen=True)
 class Assessment:
-    """How well one episode meets a task; with a batch, every field is an array of its shape."""
+    """How well one episode meets a task; with a batch, every field is an array of its shape.
+
+    None stands for what is not known, where a trace lacks signals; see `assess`.
+    """
 
     pam: Any
     """Policy assessment metric F in [0, 1.75]."""
@@ -56,7 +59,14 @@ class Assessment:
     @property
     def satisfied(self) -> Any:
         """Whether the task is satisfied: safe, and on target."""
+        if self.safe is None or self.target is None:
+            return False if self.safe is False or self.target is False else None
         return self.safe & self.target
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """Labels of the requirements of which the trace does not say whether they are met."""
+        return tuple([label for label, found in self.requirements.items() if found is None])
 
 
 class Tally(NamedTuple):
@@ -210,7 +220,9 @@ def _padded(steps: Any, max_length: Any) -> Any:
     raise ValueError(f"an episode has {longest} steps, more than max_length={max_length}.")
 
 
-def assess(task: Task, trace: Signals, *, max_length: int | None = None) -> Assessment:
+def assess(
+    task: Task, trace: Signals, *, max_length: int | None = None, missing: Missing = "error"
+) -> Assessment:
     """Assess a whole trace, or a batch of traces of the same length.
 
     NumPy's arrays and lists are computed in float64, as by the wrappers; arrays of JAX and PyTorch
@@ -221,12 +233,23 @@ def assess(task: Task, trace: Signals, *, max_length: int | None = None) -> Asse
         task: The task.
         trace: Signal name to values, s_0 first; time on the first axis, batch axes after it.
         max_length: See `conclude`.
+        missing: `"unknown"` assesses one trace that lacks signals, wholly or, where they are NaN,
+            in some states. A requirement is measured where the other states and signals decide it,
+            as one violation decides `ensure`, and None where they do not; so are `safe`, `target`
+            and `comfort`. PAM is None unless every requirement is measured.
 
     Raises:
         TraceError: A signal is missing, NaN or no number, lengths differ, there is not one step, or
             the task reads no signal.
+        UsageError: `missing` is unknown, or it is `"unknown"` and there is more than one trace.
         UsageError, ValueError: See `conclude`.
     """
+    check_missing(missing)
+    if missing == "unknown":
+        # It builds on this module.
+        from hprs.semantics.chunks import assess_chunks
+
+        return assess_chunks(task, [trace], max_length=max_length, missing=missing)
     plan = plan_of(require_task(task))
     values = check_trace(plan, trace)
     xp = namespace_of(values.values())
@@ -277,6 +300,12 @@ def summarise(assessments: Assessment | Iterable[Assessment]) -> Summary:
     labels = found[0].requirements.keys()
     if any(other.requirements.keys() != labels for other in found):
         raise UsageError("these episodes are of tasks with different requirements.")
+    for number, one in enumerate(found):
+        if one.unknown:
+            raise UsageError(
+                f"episode {number} cannot be summarised: its trace does not say whether "
+                f"{', '.join(one.unknown)} is met."
+            )
     pam = _episodes(a.pam for a in found)
     comfort: _Numbers = accomplished_comfort(pam)
     return Summary(

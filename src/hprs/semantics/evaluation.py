@@ -121,7 +121,7 @@ def evaluate_arrays(plan: Plan, signals: Signals, xp: ModuleType) -> Evaluation:
     leaves = leaf_margins(plan, signals, xp)
     if not plan.leaves:
         return Evaluation(leaves, leaves > 0.0, leaves, xp.zeros(leaves.shape[1:]))
-    satisfied = _satisfied(plan, leaves, xp)
+    satisfied = leaf_satisfied(plan, leaves, xp)
     first = plan.safety_leaves
     lows = column(plan.soft_lows, leaves, xp)
     operations = array_operations(xp)
@@ -190,7 +190,8 @@ def _broadcast(leaf: Array, shape: tuple[int, ...], like: Array, xp: ModuleType)
     return xp.broadcast_to(xp.asarray(leaf), shape)
 
 
-def _satisfied(plan: Plan, leaves: Array, xp: ModuleType) -> Array:
+def leaf_satisfied(plan: Plan, leaves: Array, xp: ModuleType) -> Array:
+    """Whether each comparison holds, from their margins; one that is NaN does not."""
     if not plan.any_strict:
         return leaves >= 0.0
     if all(plan.strict):

@@ -5,39 +5,84 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from decimal import Decimal
 from numbers import Real
-from typing import Any, cast
+from typing import Any, Literal, TypeAlias, cast, get_args
 
 import numpy as np
 
-from hprs.errors import TraceError
+from hprs.errors import TraceError, UsageError, did_you_mean
 from hprs.semantics.evaluation import Signals
 from hprs.semantics.plan import Plan
+from hprs.spec.misuse import shown
 from hprs.spec.namespace import Array, namespace_of, truth
 from hprs.spec.task import Task
 
+TOO_SHORT = "the trace needs the initial state and at least one step."
 
-def check_trace(plan: Plan, trace: Signals) -> dict[str, Array]:
+Missing: TypeAlias = Literal["error", "unknown"]
+MISSING: tuple[Missing, ...] = get_args(Missing)
+"""What a signal makes that a trace lacks, wholly or in some states: an error, or requirements that
+are unknown."""
+
+
+def check_missing(missing: object) -> None:
+    """Refuse what does not say what to do without a signal.
+
+    Raises:
+        UsageError: It is none of `MISSING`.
+    """
+    if missing not in MISSING:
+        raise UsageError(
+            f"missing is {' or '.join(MISSING)}, got {shown(missing)}."
+            f"{did_you_mean(str(missing), MISSING)}"
+        )
+
+
+def check_trace(
+    plan: Plan, trace: Signals, *, missing: Missing = "error", first: int = 0, least: int = 2
+) -> dict[str, Array]:
     """The signals that a task uses, as arrays with time on their first axis.
+
+    Args:
+        plan: The task's plan.
+        trace: Signal name to values over time.
+        missing: With `"unknown"`, signals that the trace lacks are left out, and NaN is let pass.
+        first: Number of the first state, for messages.
+        least: The number of states that it must have.
 
     Raises:
         TraceError: See `hprs.assess`.
     """
     if not hasattr(trace, "keys"):
         raise TraceError(f"a trace maps names of signals to values over time, got {trace!r:.80}.")
-    for name in plan.signals:
-        if name not in trace:
-            raise TraceError(f"the trace has no signal '{name}'; it has {', '.join(trace)}.")
     if not plan.signals:
         raise TraceError("the task reads no signal, so that a trace says nothing of it.")
-    values = {name: _numbers(name, trace[name]) for name in plan.signals}
+    present = [name for name in plan.signals if name in trace]
+    if missing == "error":
+        _require_all(plan, trace)
+    elif not present:
+        raise TraceError(
+            f"the trace has none of the signals that the task reads ({', '.join(plan.signals)}); "
+            f"it has {', '.join(trace)}."
+        )
+    values = {name: _numbers(name, trace[name]) for name in present}
     xp = namespace_of(values.values())
-    _check_shapes(plan, {name: tuple(value.shape) for name, value in values.items()})
-    for name, value in values.items():
+    _check_shapes(plan, {name: tuple(value.shape) for name, value in values.items()}, least)
+    for name, value in values.items() if missing == "error" else ():
         unknown = xp.isnan(value * 1.0)
         if truth(xp.any(unknown)):
-            step = int(np.argwhere(np.asarray(unknown))[0][0])
+            step = first + int(np.argwhere(np.asarray(unknown))[0][0])
             raise TraceError(f"signal '{name}' is NaN at step {step} of the trace.")
     return values
+
+
+def _require_all(plan: Plan, trace: Signals) -> None:
+    for name in plan.signals:
+        if name not in trace:
+            raise TraceError(
+                f"the trace has no signal '{name}'; it has {', '.join(trace)}."
+                f"{did_you_mean(name, trace)} With missing='unknown' the requirements that need it "
+                "are unknown."
+            )
 
 
 def _numbers(name: str, value: Any) -> Array:
@@ -90,12 +135,12 @@ def _first_wrong(value: Any) -> str:
     return f"must hold numbers, but is {value!r:.80}"
 
 
-def _check_shapes(plan: Plan, shapes: Mapping[str, tuple[int, ...]]) -> None:
+def _check_shapes(plan: Plan, shapes: Mapping[str, tuple[int, ...]], least: int) -> None:
     lengths = {name: shape[0] if shape else 0 for name, shape in shapes.items()}
     if len(set(lengths.values())) > 1:
         raise TraceError(f"the signals of the trace differ in length: {lengths}.")
-    if min(lengths.values(), default=0) < 2:
-        raise TraceError("the trace needs the initial state and at least one step.")
+    if min(lengths.values()) < least:
+        raise TraceError(TOO_SHORT)
     vectors = {signal.name: signal.length for signal in plan.task.signals if signal.length}
     batches: dict[str, tuple[int, ...]] = {}
     for name, shape in shapes.items():
@@ -104,7 +149,7 @@ def _check_shapes(plan: Plan, shapes: Mapping[str, tuple[int, ...]]) -> None:
                 f"signal '{name}' has {vectors[name]} components, but shape {shape} in the trace."
             )
         batches[name] = shape[:-1] if name in vectors else shape
-    first = plan.signals[0]
+    first = next(iter(shapes))
     for name, batch in batches.items():
         # Broadcasting would line time up with a batch axis.
         if batch != batches[first]:
