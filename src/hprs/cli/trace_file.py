@@ -1,107 +1,75 @@
-"""Reads a recorded trace from a CSV file."""
+"""Reads a recorded trace, piece by piece: a CSV file, a Parquet file or a rosbag."""
 
 from __future__ import annotations
 
-import csv
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from hprs.cli.console import plural
-from hprs.errors import TraceError, UsageError, did_you_mean
-from hprs.semantics.plan import plan_of
+from hprs.cli.trace_columns import Wanted
+from hprs.cli.trace_csv import csv_chunks
+from hprs.errors import UsageError, did_you_mean
 from hprs.spec.task import Task
+
+PARQUET, BAG = (".parquet", ".pq"), (".bag", ".mcap", ".db3")
+"""Endings of files that are not CSV; a rosbag of ROS 2 can be a folder, too."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A trace that is being read."""
+
+    chunks: Iterator[dict[str, Any]]
+    """Its pieces: signal name to values over time."""
+    notes: list[str] = field(default_factory=list[str])
+    """What a reader of the assessment should know; complete after the last piece."""
+
+
+def open_trace(path: Path, wanted: Wanted) -> Recording:
+    """A trace, of which nothing has been read yet.
+
+    Raises:
+        UsageError: There is no such file, or an option does not suit it.
+        TraceError: While its pieces are read: it cannot be read or is empty, a column is missing, a
+            value is not a number, or time stamps do not increase.
+    """
+    if path.suffix in BAG or (path / "metadata.yaml").exists():
+        from hprs.cli.trace_bag import bag_chunks
+
+        _require(path)
+        if wanted.time is not None:
+            raise UsageError("--time is for tables; a rosbag has time stamps of its own.")
+        notes: list[str] = []
+        return Recording(bag_chunks(path, wanted, notes), notes)
+    if path.is_dir():
+        raise UsageError(
+            f"'{path}' is a folder; a trace is a CSV file, a Parquet file or a rosbag."
+        )
+    _require(path)
+    if wanted.ticks is not None:
+        raise UsageError(f"--ticks is for rosbags; in '{path}' every row is one.")
+    if path.suffix in PARQUET:
+        from hprs.cli.trace_parquet import parquet_chunks
+
+        return Recording(parquet_chunks(path, wanted))
+    return Recording(csv_chunks(path, wanted))
 
 
 def read_trace(path: Path, task: Task) -> Mapping[str, npt.NDArray[np.float64]]:
-    """The signals of a trace: columns are signals, rows are steps.
-
-    A vector has the columns `name[0]`, `name[1]` and so on. Other columns are left out.
+    """The signals of a whole trace; of those that no requirement needs, what the file has.
 
     Raises:
-        UsageError: There is no such file.
-        TraceError: It cannot be read or is empty, a column is missing, or a value is not a number.
+        UsageError, TraceError: See `open_trace`.
     """
-    if path.is_dir():
-        raise UsageError(f"'{path}' is a folder; a trace is a CSV file.")
+    chunks = list(open_trace(path, Wanted(task)).chunks)
+    return {name: np.concatenate([chunk[name] for chunk in chunks]) for name in chunks[0]}
+
+
+def _require(path: Path) -> None:
     if not path.exists():
         near = [other.name for other in path.parent.glob(f"*{path.suffix}")]
         raise UsageError(f"there is no trace file '{path}'.{did_you_mean(path.name, near)}")
-    header, rows = _read(path)
-    used = set(plan_of(task).signals)
-    trace: dict[str, npt.NDArray[np.float64]] = {}
-    for signal in task.signals:
-        names = (
-            [signal.name]
-            if signal.length is None
-            else [f"{signal.name}[{i}]" for i in range(signal.length)]
-        )
-        if signal.name not in used and not set(names) <= set(header):
-            continue
-        columns = [_column(path, header, rows, name) for name in names]
-        trace[signal.name] = columns[0] if signal.length is None else np.stack(columns, axis=-1)
-    return trace
-
-
-def _read(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """Header, and the rows below it with their line numbers."""
-    rows = _rows(path)
-    if not rows:
-        raise TraceError(f"{path} is empty; it needs a header of signal names and one row a step.")
-    header = rows[0][1]
-    twice = next((name for name in header if header.count(name) > 1), None)
-    if twice is not None:
-        raise TraceError(f"{path} has column '{twice}' twice.")
-    if len(rows) < 3:
-        raise TraceError(
-            f"{path} has {plural(len(rows) - 1, 'row')}; it needs the initial state and at least "
-            "one step."
-        )
-    for line, row in rows[1:]:
-        if len(row) != len(header):
-            raise TraceError(f"{path}:{line}: {len(row)} values below {len(header)} column names.")
-    return header, rows[1:]
-
-
-def _rows(path: Path) -> list[tuple[int, list[str]]]:
-    """All rows with their line numbers; blank lines are skipped."""
-    rows: list[tuple[int, list[str]]] = []
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.reader(file)
-            for row in reader:
-                if any(cell.strip() for cell in row):
-                    rows.append((reader.line_num, [cell.strip() for cell in row]))
-    except OSError as error:
-        raise TraceError(f"{path} cannot be read: {error.strerror}.") from None
-    except UnicodeDecodeError:
-        raise TraceError(f"{path} is not text in UTF-8; a trace is a CSV file.") from None
-    except csv.Error as error:
-        raise TraceError(f"{path} is not a CSV file: {error}.") from None
-    return rows
-
-
-def _column(
-    path: Path, header: Sequence[str], rows: Sequence[tuple[int, list[str]]], name: str
-) -> npt.NDArray[np.float64]:
-    if name not in header:
-        raise TraceError(
-            f"{path} has no column '{name}'; it has {', '.join(header)}."
-            f"{did_you_mean(name, header)}"
-        )
-    index = header.index(name)
-    values: list[float] = []
-    for line, row in rows:
-        try:
-            # Python reads 1_0 as 10; in a log it is damage.
-            value = float(row[index].replace("_", "?"))
-        except ValueError:
-            shown = f"'{row[index]}' is not a number" if row[index] else "is empty"
-            raise TraceError(f"{path}:{line}: column '{name}' {shown}.") from None
-        if math.isnan(value):
-            raise TraceError(f"{path}:{line}: column '{name}' is NaN.")
-        values.append(value)
-    return np.array(values)
