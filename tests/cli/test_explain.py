@@ -58,6 +58,17 @@ def test_a_trace_is_explained_requirement_by_requirement(hprs, here, trace):
     ]  # fmt: skip
 
 
+def test_a_trace_may_have_other_columns_as_for_an_assessment(hprs, here, trace):
+    (here / "other.csv").write_text(TRACE.replace("theta", "tilt").replace("time", "when"))
+    options = ("--task", CART_POLE, "--json")
+    _, plain, _ = hprs("explain", "log.csv", *options)
+    code, out, err = hprs(
+        "explain", "other.csv", *options, "--column", "theta=tilt", "--time", "when"
+    )
+    assert (code, err) == (0, "")
+    assert json.loads(out)["requirements"] == json.loads(plain)["requirements"]
+
+
 def test_json_has_the_same_numbers(hprs, trace):
     code, out, _ = hprs("explain", "log.csv", "--task", CART_POLE, "--json", "--out", "x.html")
     content = json.loads(out)
@@ -108,6 +119,7 @@ def test_seed_policy_task_and_horizon_can_be_others(hprs, here, run):
         (("lg.csv", "--task", CART_POLE), "there is no trace file 'lg.csv'. Did you mean 'log.csv'?"),
         (("log.csv", "--task", CART_POLE, "--seed", "1"), "--seed is for a run; 'log.csv' is a trace."),
         (("log.csv", "--task", CART_POLE, "--env", "a=1"), "--env is for a run; 'log.csv' is a trace."),
+        (("runs", "--ticks", "/drive"), "--ticks is for a trace; 'runs' is a run."),
         (("log.csv", "--task", CART_POLE, "--rate", "0"), "--rate must be positive, got 0."),
         (("log.csv", "--task", CART_POLE, "--out", "no/x"), "there is no folder 'no' for --out no/x."),
         (("log.csv", "--task", CART_POLE, "--out", "."), "--out is a file's name without its ending; '.' is a folder."),

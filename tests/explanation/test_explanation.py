@@ -6,7 +6,7 @@ import pytest
 from hprs import assess, parse_task
 from hprs.errors import TraceError
 from hprs.explanation import explanation
-from hprs.explanation.explanation import explain
+from hprs.explanation.explanation import explain, joined
 from hprs.explanation.wording import judgement, number, percent, summary, verdict
 
 TASK = parse_task(
@@ -118,6 +118,16 @@ def test_what_cannot_be_explained_is_one_line(monkeypatch):
     monkeypatch.setattr(explanation, "LONGEST", 3)
     with pytest.raises(TraceError, match="an episode of 4 states is too long to explain"):
         explain(TASK, TRACE)
+    with pytest.raises(TraceError, match="an episode of more than 3 states is too long"):
+        joined([TRACE])
+
+
+def test_a_trace_in_pieces_is_joined():
+    pieces = [
+        {name: values[part] for name, values in TRACE.items()} for part in (slice(2), slice(2, 4))
+    ]
+    for name, values in joined(pieces).items():
+        np.testing.assert_array_equal(values, TRACE[name])
 
 
 def test_a_margin_that_is_no_number_is_named():

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from hprs.cli.inputs import Constants, task_by_name
-from hprs.errors import UsageError
 from hprs.semantics.trace import Missing
 
 if TYPE_CHECKING:
@@ -56,7 +55,7 @@ class Assess:
 
     def run(self) -> int:
         """Assess the trace."""
-        from hprs.cli.trace_columns import Wanted
+        from hprs.cli.trace_columns import Wanted, parse_columns
         from hprs.cli.trace_file import open_trace
         from hprs.semantics.chunks import assess_chunks
 
@@ -64,7 +63,7 @@ class Assess:
         wanted = Wanted(
             task,
             missing=self.missing,
-            columns=_pairs(self.columns),
+            columns=parse_columns(self.columns),
             time=self.time,
             ticks=self.ticks,
             advice=" With --missing unknown the requirements that need it are unknown.",
@@ -75,16 +74,6 @@ class Assess:
         show = _print_json if self.json else _print
         show(self.trace, task, found, recording.notes)
         return 0
-
-
-def _pairs(given: Sequence[str]) -> dict[str, str]:
-    pairs: dict[str, str] = {}
-    for pair in given:
-        name, separator, column = pair.partition("=")
-        if not (name and separator and column):
-            raise UsageError(f"--column takes SIGNAL=COLUMN, not '{pair}'.")
-        pairs[name] = column
-    return pairs
 
 
 def _print_json(trace: Path, task: Task, found: Assessment, notes: Sequence[str]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -16,7 +17,8 @@ if TYPE_CHECKING:
     from hprs.explanation.film import Film
 
 _OF_RUNS = {"which": "which", "seed": "seed", "options": "env", "horizon": "horizon"}
-"""Fields that only a run has a use for, and their options."""
+_OF_TRACES = {"columns": "column", "time": "time", "ticks": "ticks"}
+"""Fields that only a run or only a trace has a use for, and their options."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +32,7 @@ class Explain:
       hprs explain runs/hprs-CartPole-v0/hprs-ppo-1a2b3c4d/seed-0
       hprs explain runs/hprs-CartPole-v0/hprs-ppo-1a2b3c4d/seed-0 --which best --seed 7 --out parked
       hprs explain log.csv --task my_task.hprs --rate 50
+      hprs explain drive.bag --task my_task.hprs --ticks /drive --rate 10
     """
 
     subject: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="RUN|TRACE")]
@@ -52,6 +55,15 @@ class Explain:
     """An option of a run's environment, as its constructor names it; default: as trained."""
     horizon: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
     """End a run's episode after this many steps; default: as trained, or as registered."""
+    columns: Annotated[
+        tyro.conf.UseAppendAction[tuple[str, ...]],
+        tyro.conf.arg(name="column", metavar="SIGNAL=COLUMN"),
+    ] = ()
+    """The column of a trace's signal, as `hprs assess` takes it."""
+    time: Annotated[str | None, tyro.conf.arg(metavar="COLUMN", help_behavior_hint="")] = None
+    """The column of a trace's time stamps, which must increase; "" if there is none."""
+    ticks: Annotated[str | None, tyro.conf.arg(metavar="TOPIC", help_behavior_hint="")] = None
+    """The topic of a rosbag whose messages are the policy's ticks."""
     json: bool = False
     """Print JSON instead of a table."""
 
@@ -79,7 +91,16 @@ class Explain:
 
     @property
     def _is_trace(self) -> bool:
-        return self.subject.is_file() or (bool(self.subject.suffix) and not self.subject.exists())
+        from hprs.cli.trace_file import is_bag
+
+        path = self.subject
+        return path.is_file() or is_bag(path) or (bool(path.suffix) and not path.exists())
+
+    def _refuse(self, unfit: Mapping[str, str], *, fit: str, found: str) -> None:
+        default = {field.name: field.default for field in fields(self)}
+        for name, option in unfit.items():
+            if getattr(self, name) != default[name]:
+                raise UsageError(f"--{option} is for a {fit}; '{self.subject}' is a {found}.")
 
     def _base(self) -> Path:
         base = self.out.with_suffix("") if self.out.suffix in (".png", ".html") else self.out
@@ -92,21 +113,22 @@ class Explain:
         return base
 
     def _trace(self) -> tuple[Explanation, Film]:
-        from hprs.cli.trace_file import read_trace
-        from hprs.explanation.explanation import explain
+        from hprs.cli.trace_columns import Wanted, parse_columns
+        from hprs.cli.trace_file import open_trace
+        from hprs.explanation.explanation import explain, joined
         from hprs.explanation.film import Film
 
-        default = {field.name: field.default for field in fields(self)}
-        for name, option in _OF_RUNS.items():
-            if getattr(self, name) != default[name]:
-                raise UsageError(f"--{option} is for a run; '{self.subject}' is a trace.")
+        self._refuse(_OF_RUNS, fit="run", found="trace")
         if self.task is None:
             raise UsageError(
                 f"'{self.subject}' is a trace: name its task too, as in --task my_task.hprs."
             )
         task = task_by_name(self.task, self.constants)
-        trace = read_trace(self.subject, task)
-        found = explain(task, trace, title=str(self.subject), rate=self.rate)
+        columns = parse_columns(self.columns)
+        wanted = Wanted(task, columns=columns, time=self.time, ticks=self.ticks, unused=False)
+        recording = open_trace(self.subject, wanted)
+        trace = joined(recording.chunks)
+        found = explain(task, trace, title=str(self.subject), rate=self.rate, notes=recording.notes)
         return found, Film(trouble="a trace has none.")
 
     def _run(self) -> tuple[Explanation, Film]:
@@ -121,6 +143,7 @@ class Explain:
         from hprs.training.run_directory import find_runs
 
         which = check_which(self.which)
+        self._refuse(_OF_TRACES, fit="trace", found="run")
         for option, value, least in (("horizon", self.horizon, 1), ("seed", self.seed, 0)):
             if value is not None and value < least:
                 raise UsageError(f"--{option} must be at least {least}, got {value}.")

@@ -48,6 +48,8 @@ def print_explanation(found: Explanation, film: Film, written: Sequence[Path]) -
         print(f"Signal '{name}' left its range in {count:,} of {plural(found.steps + 1, 'state')}.")
     if found.assessment.decided_at_start:
         print("The first state decided this episode already.")
+    for note in found.notes:
+        print(note)
     if film.trouble:
         print(f"{'No more' if film.frames else 'No'} pictures: {film.trouble}")
     print(f"Wrote {' and '.join(map(str, written))}")
@@ -92,6 +94,7 @@ def print_explanation_json(found: Explanation, film: Film, written: Sequence[Pat
         ],
         "outside_ranges": dict(assessed.outside),
         "decided_at_start": assessed.decided_at_start,
+        **({"notes": list(found.notes)} if found.notes else {}),
         "pictures": len(film.frames),
         "no_pictures_because": film.trouble or None,
         "written": [str(path) for path in written],

@@ -21,6 +21,21 @@ TIME_COLUMNS = ("time", "timestamp", "stamp", "t")
 """Names of columns that hold time stamps, in any case, unless they are a signal's."""
 
 
+def parse_columns(given: Sequence[str]) -> dict[str, str]:
+    """Signal to column, of pairs `SIGNAL=COLUMN`.
+
+    Raises:
+        UsageError: One is no such pair.
+    """
+    pairs: dict[str, str] = {}
+    for pair in given:
+        name, separator, column = pair.partition("=")
+        if not (name and separator and column):
+            raise UsageError(f"--column takes SIGNAL=COLUMN, not '{pair}'.")
+        pairs[name] = column
+    return pairs
+
+
 @dataclass(frozen=True)
 class Wanted:
     """What is wanted of a log."""

@@ -37,7 +37,7 @@ def open_trace(path: Path, wanted: Wanted) -> Recording:
         TraceError: While its pieces are read: it cannot be read or is empty, a column is missing, a
             value is not a number, or time stamps do not increase.
     """
-    if path.suffix in BAG or (path / "metadata.yaml").exists():
+    if is_bag(path):
         from hprs.cli.trace_bag import bag_chunks
 
         _require(path)
@@ -57,6 +57,11 @@ def open_trace(path: Path, wanted: Wanted) -> Recording:
 
         return Recording(parquet_chunks(path, wanted))
     return Recording(csv_chunks(path, wanted))
+
+
+def is_bag(path: Path) -> bool:
+    """Whether a file or a folder is a rosbag, by its name or by what lies in it."""
+    return path.suffix in BAG or (path / "metadata.yaml").exists()
 
 
 def read_trace(path: Path, task: Task) -> Mapping[str, npt.NDArray[np.float64]]:

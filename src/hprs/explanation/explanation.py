@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeAlias
@@ -115,6 +116,8 @@ class Explanation:
     assessment: Assessment
     rate: float | None = None
     """Steps a second, where known."""
+    notes: tuple[str, ...] = ()
+    """What was unusual about the recording."""
 
     @property
     def steps(self) -> int:
@@ -154,7 +157,12 @@ class Explanation:
 
 
 def explain(
-    task: Task, trace: Signals, *, title: str = "", rate: float | None = None
+    task: Task,
+    trace: Signals,
+    *,
+    title: str = "",
+    rate: float | None = None,
+    notes: Sequence[str] = (),
 ) -> Explanation:
     """Explain a recorded episode.
 
@@ -163,6 +171,7 @@ def explain(
         trace: Signal name to values over time, s_0 first.
         title: What was recorded.
         rate: Steps a second, where known.
+        notes: What was unusual about the recording.
 
     Raises:
         TraceError: The trace cannot be assessed (see `hprs.assess`), is a batch, is longer than
@@ -175,9 +184,7 @@ def explain(
     if any(value.ndim != 1 + (name in vectors) for name, value in values.items()):
         raise TraceError("a batch of episodes cannot be explained; give one of them.")
     if states > LONGEST:
-        raise TraceError(
-            f"an episode of {states:,} states is too long to explain; cut it to {LONGEST:,}."
-        )
+        raise TraceError(_too_long(f"{states:,}"))
     with np.errstate(all="ignore"):
         evaluation = evaluate_arrays(plan, values, np)
     _refuse_nan(plan.labels, evaluation.margins)
@@ -194,7 +201,27 @@ def explain(
         for row, requirement in enumerate(plan.rows)
     )
     potential = np.asarray(evaluation.potential)
-    return Explanation(title, task, parts, potential, assess(task, trace), rate)
+    return Explanation(title, task, parts, potential, assess(task, trace), rate, tuple(notes))
+
+
+def joined(chunks: Iterable[Signals]) -> dict[str, Any]:
+    """A trace of its pieces, one after the other.
+
+    Raises:
+        TraceError: It is longer than `LONGEST`.
+    """
+    pieces: list[Signals] = []
+    states = 0
+    for chunk in chunks:
+        pieces.append(chunk)
+        states += len(next(iter(chunk.values()), ()))
+        if states > LONGEST:
+            raise TraceError(_too_long(f"more than {LONGEST:,}"))
+    return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+
+
+def _too_long(states: str) -> str:
+    return f"an episode of {states} states is too long to explain; cut it to {LONGEST:,}."
 
 
 def changes(values: Numbers) -> Numbers:

@@ -54,7 +54,7 @@ def draw(explanation: Explanation, film: Film) -> bytes:
         _margin(figure.add_subplot(grid[row], sharex=top), explanation, part, drawn, shade)
     _label_steps(figure.axes[-1], explanation)
     data = io.BytesIO()
-    figure.savefig(data, format="png")
+    figure.savefig(data, format="png", pil_kwargs={"optimize": True})
     return data.getvalue()
 
 

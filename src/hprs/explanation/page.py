@@ -133,6 +133,7 @@ def _notes(explanation: Explanation, drawn: Outline, film: Film) -> Iterable[str
         yield f"Signal '{name}' left its range in {count:,} of {drawn.states:,} states."
     if explanation.assessment.decided_at_start:
         yield "The first state decided this episode already."
+    yield from explanation.notes
 
 
 def _ordinal(number: int) -> str:
