@@ -89,10 +89,8 @@ class _States:
         """What was left out."""
         if not self._skipped:
             return []
-        return [
-            f"Left out: the first {plural(self._skipped, 'tick')} of {self.ticks}, before every "
-            "signal had a value."
-        ]
+        first = "first tick" if self._skipped == 1 else f"first {self._skipped:,} ticks"
+        return [f"Left out: the {first} of {self.ticks}, before every signal had a value."]
 
     def chunks(self) -> Iterator[dict[str, Any]]:
         """Pieces of the trace.

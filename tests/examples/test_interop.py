@@ -1,0 +1,94 @@
+"""Every example about other libraries runs, on a few hundred steps, and says something."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import re
+import runpy
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+
+import hprs
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch, capsys):
+    """Runs an example in an empty folder; gives what it printed."""
+    monkeypatch.chdir(tmp_path)
+
+    def example(name, *options):
+        path = EXAMPLES / f"{name}.py"
+        monkeypatch.setattr(sys, "argv", [str(path), *map(str, options)])
+        runpy.run_path(str(path), run_name="__main__")
+        return capsys.readouterr().out
+
+    return example
+
+
+def test_stable_baselines3_learns_from_a_task(run):
+    out = run("with_stable_baselines3", "--steps", 300)
+    assert re.search(r"After 300 steps: PAM \d\.\d{3} over \d+ steps", out)
+    assert "gentle" in out
+
+
+def test_a_jax_environment_is_paid_in_a_scan(run):
+    out = run("with_jax_scan", "--steps", 200)
+    # Nothing is unsafe, so that every copy ends twice, at its horizon.
+    assert "64 copies of 200 steps" in out and "128 ends" in out
+    assert "on_track 1.00" in out
+
+
+def test_a_pytorch_batch_is_paid_without_numpy(run, monkeypatch):
+    def refuse(*_, **__):
+        raise AssertionError("a tensor was made a NumPy array")
+
+    monkeypatch.setattr(torch.Tensor, "__array__", refuse)
+    monkeypatch.setattr(torch.Tensor, "numpy", refuse)
+    out = run("with_pytorch_batch", "--steps", 200, "--environments", 256)
+    assert "51,200 steps on cpu" in out
+    assert "weight * dt" in (EXAMPLES / "with_pytorch_batch.py").read_text()
+
+
+def test_rewards_have_the_interface_of_mo_gymnasium(run):
+    out = run("with_mo_gymnasium", "--steps", 300)
+    assert "reward space Box(-inf, inf, (4,), float64): slow, up, calm, gentle" in out
+    assert out.count("a step") == 4
+
+
+def test_safety_is_a_cost_with_a_limit(run):
+    out = run("with_a_safety_cost", "--steps", 300, "--limit", 1)
+    assert re.search(r"Cost of the first episode \d+, of the last one \d+\.", out)
+    assert re.search(r"Limit 1, multiplier \d", out)
+
+
+def test_a_recorded_log_is_assessed_in_every_form(run):
+    out = run("recorded_log", "--steps", 200, "--out", "logs")
+    found = re.findall(r"(logs/\S+): (\d+) steps, PAM (\S+)", out)
+    names, steps, pams = zip(*found, strict=True)
+    assert names == ("logs/log.csv", "logs/log.parquet", "logs/bag", "logs/no_spin.csv")
+    # A bag's first tick has no action before it.
+    assert steps == ("200", "200", "199", "200")
+    assert pams[0] == pams[1] and pams[3] == "unknown"
+    assert "The log does not say whether slow, calm is met." in out
+
+
+def test_the_cheetah_has_a_task_file(run):
+    if importlib.util.find_spec("mujoco") is None:
+        reason = "needs MuJoCo: pip install 'hprs[mujoco]'"
+        if "mujoco" in os.environ.get("HPRS_TEST_NEEDS", "").split():
+            pytest.fail(reason)
+        pytest.skip(reason)
+    out = run("half_cheetah", "--steps", 256)
+    assert re.search(r"nothing: PAM 1\.125 over 1000 steps \(upright 1\.00, far 0\.00", out)
+    assert "PPO, 256 steps: PAM" in out
+
+
+@pytest.mark.parametrize("task", sorted(EXAMPLES.glob("*.hprs")), ids=lambda path: path.name)
+def test_a_task_file_has_nothing_to_remark(task):
+    assert not hprs.load_task(task).analysis.remarks
