@@ -87,7 +87,7 @@ def test_a_vector_is_read_from_numbered_columns(hprs, here):
         ("T,x,v,theta\n0.5,1,2,3\n\n0.25,1,2,3\n", "trace.csv:4: time stamps must increase, but 'T' is 0.25 after 0.5."),
         ("stamp,x,v,theta\n2026-01-01T00:00:01,1,2,3\n2026-01-01T00:00:00.5Z,1,2,3\n", "trace.csv:3: time stamps must increase, but 'stamp' is 2026-01-01T00:00:00.5Z after 2026-01-01T00:00:01."),
         ("time,x,v,theta\n0,1,2,3\nnan,1,2,3\n", "trace.csv:3: time stamps must increase, but 'time' is nan after 0."),
-        ("time,x,v,theta\n0,1,2,3\nlate,1,2,3\n", "trace.csv:3: time stamp 'late' in column 'time' is neither a number nor a date as 2026-01-31T12:00:00.5."),
+        ("time,x,v,theta\n0,1,2,3\nlate,1,2,3\n", "trace.csv:3: time stamp 'late' in column 'time' is neither a number nor a date as 2026-01-31T12:00:00."),
         ("x,v,theta\n1,2,3\n1,two,3\n", "trace.csv:3: column 'v' 'two' is not a number."),
         ("x,v,theta\n1,2,3\n1,1_0,3\n", "trace.csv:3: column 'v' '1_0' is not a number."),
         ("x,v,theta\n1,,3\n1,2,3\n", "trace.csv:2: column 'v' is empty."),
@@ -151,7 +151,7 @@ def test_time_stamps_can_have_another_name_or_none(hprs, here):
     assert hprs(*call, "--time", "seconds") == (
         1, "", "hprs: trace.csv:4: time stamps must increase, but 'seconds' is 0.01 after 0.02.\n",
     )  # fmt: skip
-    code, _, err = hprs(*call, "--time", "secnds")
+    code, _, err = hprs(*call, "--time", "second")
     assert (code, err.endswith("Did you mean 'seconds'?\n")) == (1, True)
     (here / "trace.csv").write_text(TRACE.replace("0.04", "0.01"))
     assert hprs(*call)[0] == 1

@@ -132,7 +132,7 @@ class _Piece:
         except ValueError:
             raise TraceError(
                 f"{self.place(row)}: time stamp '{cell}' in column '{column}' is neither a number "
-                "nor a date as 2026-01-31T12:00:00.5."
+                "nor a date as 2026-01-31T12:00:00."
             ) from None
         return (moment if moment.tzinfo else moment.replace(tzinfo=timezone.utc)).timestamp()
 
