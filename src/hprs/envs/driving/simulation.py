@@ -103,7 +103,8 @@ class Simulation:
             key: JAX key; it determines all that is drawn in the episode.
         """
         track_key, world_key = jax.random.split(key)
-        index = jax.random.randint(track_key, (), 0, self.tracks.length.shape[0])
+        count = self.tracks.length.shape[0]
+        index = jax.random.randint(track_key, (), 0, count, jnp.int32)
         track = selected(self.tracks, index)
         world = race.reset(world_key, track, self.settings)
         dtype = track.centre.dtype
