@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
+from inspect import Parameter, signature
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any, Literal, TypeAlias, TypeVar, cast
 
 import jax.numpy as jnp
+import numpy as np
 
 from hprs.carsim.designs import DESIGNS, load_track
 from hprs.carsim.leader import GAP_THRESHOLD
@@ -21,8 +23,14 @@ from hprs.envs.driving.simulation import Simulation
 from hprs.envs.options import count, number, switch
 from hprs.errors import UsageError, did_you_mean
 
+TrackLike: TypeAlias = str | Path | Track | Sequence[str | Path]
+"""A built-in track, `random:SEED`, a map file, `map.yaml+line.csv` or that pair, or a track."""
+Environment = TypeVar("Environment", bound=type)
+
 MAP_SUFFIXES = (".yaml", ".yml")
 """How the name of a map file ends."""
+LINE_SUFFIX = ".csv"
+"""How the name of a centre line's file ends."""
 RANDOM = "random:"
 """What a seed of a random track stands behind."""
 STARTS = ("random", "grid")
@@ -33,8 +41,8 @@ STARTS = ("random", "grid")
 class Options:
     """Of a driving benchmark."""
 
-    tracks: str | Sequence[str]
-    """Names of built-in tracks, `random:SEED`, or map files; each episode draws one."""
+    tracks: TrackLike | Sequence[TrackLike]
+    """One or several, of which each episode draws one."""
     horizon: int
     """Control steps after which an episode is truncated."""
     cars: Literal[1, 2] = 1
@@ -60,10 +68,7 @@ def simulate(defaults: Options, **changes: Any) -> Simulation:
         UsageError: There is no such option, or it has no such value.
         TrackError: A map file cannot be read or driven.
     """
-    known = [field.name for field in fields(Options) if field.name != "cars"]
-    for name in changes:
-        if name not in known:
-            raise UsageError(f"There is no option '{name}'.{did_you_mean(name, known)}")
+    _check_names(changes, [*_names_of(defaults), "horizon"], defaults)
     options = replace(defaults, **changes)
     settings = Settings(
         cars=options.cars,
@@ -71,13 +76,61 @@ def simulate(defaults: Options, **changes: Any) -> Simulation:
         ranges=_ranges(options.randomisation),
         threshold=_threshold(options.gap_threshold),
     )
+    # Gymnasium's name, where the caller wrote that one.
+    horizon = count("horizon (max_episode_steps)", options.horizon)
     return Simulation(
-        tracks=_stack(_names(options.tracks), switch("reverse", options.reverse)),
+        tracks=_stack(options.tracks, switch("reverse", options.reverse)),
         settings=settings,
-        horizon=jnp.asarray(count("horizon", options.horizon), jnp.int32),
+        horizon=jnp.asarray(horizon, jnp.int32),
         beams=Lidar(beams=count("beams", options.beams)).beams,
         stacked=count("stacked", options.stacked),
     )
+
+
+def simulate_single(defaults: Options, **changes: Any) -> Simulation:
+    """The simulation of a single environment, whose episodes Gymnasium cuts off.
+
+    Raises:
+        UsageError: There is no such option, or it has no such value.
+        TrackError: A map file cannot be read or driven.
+    """
+    if "horizon" in changes:
+        raise UsageError("There is no option 'horizon' here. Use max_episode_steps.")
+    _check_names(changes, [*_names_of(defaults), "camera", "render_mode"], defaults)
+    return simulate(defaults, **changes)
+
+
+def lists_options(defaults: Options) -> Callable[[Environment], Environment]:
+    """Decorates a single environment's class: its signature lists what `**options` may hold.
+
+    Who reads signatures (help, `hprs train --env`) finds the options without a second declaration.
+    """
+
+    def listed(kind: Environment) -> Environment:
+        plain = signature(kind.__init__)
+        own = [p for p in plain.parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
+        own += [
+            Parameter(name, Parameter.KEYWORD_ONLY, default=getattr(defaults, name))
+            for name in _names_of(defaults)
+        ]
+        vars(kind)["__init__"].__signature__ = plain.replace(parameters=own)
+        return kind
+
+    return listed
+
+
+def _names_of(defaults: Options) -> list[str]:
+    """Options that every form of a benchmark has."""
+    absent = {"cars", "horizon"} | ({"gap_threshold"} if defaults.cars == 1 else set())
+    return [field.name for field in fields(Options) if field.name not in absent]
+
+
+def _check_names(changes: Iterable[str], known: Sequence[str], defaults: Options) -> None:
+    for name in changes:
+        if name == "gap_threshold" and defaults.cars == 1:
+            raise UsageError("There is no option 'gap_threshold' here: it is a leader's.")
+        if name not in known:
+            raise UsageError(f"There is no option '{name}'.{did_you_mean(name, known)}")
 
 
 def _start(value: Any) -> Literal["random", "grid"]:
@@ -105,27 +158,72 @@ def _threshold(value: Any) -> Any:
     return jnp.asarray(distance, jnp.float32)
 
 
-def _names(value: Any) -> tuple[str, ...]:
-    names = (value,) if isinstance(value, str | Path) else value
-    if not isinstance(names, Sequence) or not names:
-        raise UsageError(
-            f"tracks is a name or a list of names, not {value!r}. Known: {', '.join(DESIGNS)}, "
-            f"{RANDOM}SEED, or a map's YAML file."
-        )
-    return tuple(str(name) for name in names)
+def _stack(value: Any, reverse: bool) -> Track:
+    return stack_tracks([_load(one, reverse) for one in _listed(value)])
 
 
-def _stack(names: tuple[str, ...], reverse: bool) -> Track:
-    return stack_tracks([_load(name, reverse) for name in names])
+def _listed(value: Any) -> Sequence[Any]:
+    """Tracks one by one."""
+    if isinstance(value, str | Path | Track) or _is_pair(value):
+        return (value,)
+    if isinstance(value, Sequence) and value:
+        return value
+    raise _no_track(value)
 
 
-def _load(name: str, reverse: bool) -> Track:
-    if not name.endswith(MAP_SUFFIXES):
-        return _made(name, reverse)
+def _is_pair(value: Any) -> bool:
+    """Whether it is a map's file and a centre line's, and not two tracks."""
+    return (
+        isinstance(value, Sequence)
+        and len(value) == 2
+        and all(isinstance(part, str | Path) for part in value)
+        and str(value[0]).endswith(MAP_SUFFIXES)
+        and str(value[1]).endswith(LINE_SUFFIX)
+    )
+
+
+def _load(track: Any, reverse: bool) -> Track:
+    if isinstance(track, Track):
+        return _given(track, reverse)
+    if not isinstance(track, str | Path) and not _is_pair(track):
+        raise _no_track(track)
+    path, line = _files(str(track)) if isinstance(track, str | Path) else map(str, track)
+    if not path.endswith(MAP_SUFFIXES):
+        return _made(path, reverse)
     # Reading maps needs more libraries than driving does.
     from hprs.carsim.map_file import load_map
 
-    return load_map(name, reverse=reverse)
+    return load_map(path, centre_line=line, reverse=reverse)
+
+
+def _files(name: str) -> tuple[str, str | None]:
+    """A name, and the centre line behind the last `+` that follows a map's file."""
+    for suffix in MAP_SUFFIXES:
+        path, plus, line = name.rpartition(f"{suffix}+")
+        if plus and line.endswith(LINE_SUFFIX):
+            return path + suffix, line
+    if name.endswith(LINE_SUFFIX):
+        raise UsageError(f"'{name}' is a centre line; write it behind its map: map.yaml+line.csv.")
+    return name, None
+
+
+def _given(track: Track, reverse: bool) -> Track:
+    if reverse:
+        raise UsageError(
+            "reverse is no option of a Track that is loaded: load it with reverse=True."
+        )
+    if np.ndim(track.length) != 0:
+        raise UsageError("A Track here is one track, not a stack; give a list of tracks.")
+    if track.centre.dtype != np.float32:
+        raise UsageError(f"A Track is driven in float32, not {track.centre.dtype}: load it so.")
+    return track
+
+
+def _no_track(value: Any) -> UsageError:
+    return UsageError(
+        f"tracks is a name or a list of names, not {value!r:.80}. Known: {', '.join(DESIGNS)}, "
+        f"{RANDOM}SEED, a map's YAML file, map.yaml+line.csv, (map.yaml, line.csv), a Track."
+    )
 
 
 @lru_cache(maxsize=32)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from typing import Any
 
-from hprs.envs.driving.options import Options, simulate
+from hprs.envs.driving.options import Options, lists_options, simulate_single
 from hprs.envs.driving.single import DrivingEnv
 from hprs.envs.driving.vector import DrivingVectorEnv
 from hprs.envs.registration import BENCHMARKS
@@ -15,12 +15,15 @@ DEFAULTS = Options(
 """The paper's table: 3,000 simulation steps, 10 of them a control step."""
 
 
+@lists_options(DEFAULTS)
 class FollowLeader(DrivingEnv):
     """A car that has to drive a lap behind another one.
 
     Args:
         render_mode: `rgb_array` or None; `gymnasium.make` knows `rgb_array_list` and `human` too.
-        tracks: Names of built-in tracks, `random:SEED`, or map files; each episode draws one.
+        camera: Of pictures: `fixed`, the whole track, or `follow`, around the car.
+        tracks: Names of built-in tracks, `random:SEED`, map files, map files with a centre line
+            (`map.yaml+line.csv`), or `hprs.carsim.track.Track`s; each episode draws one.
         reverse: Drive them the other way round.
         randomisation: Vary both cars, their sensors and actuators; or a name of ranges: `all`,
             `released`, `released-gm`, `nominal`.
@@ -28,37 +31,16 @@ class FollowLeader(DrivingEnv):
         beams: Of the lidar that is observed; the leader's has 64.
         stacked: Scans and speeds in an observation.
         gap_threshold: Distance in m beyond which the leader takes a beam for a gap.
-        camera: Of pictures: `fixed`, the whole track, or `follow`, around the car.
 
     Raises:
-        UsageError: An option has no such value.
+        UsageError: There is no such option, or it has no such value.
         TrackError: A map file cannot be read or driven.
     """
 
     def __init__(
-        self,
-        render_mode: str | None = None,
-        *,
-        tracks: str | Sequence[str] = DEFAULTS.tracks,
-        reverse: bool = DEFAULTS.reverse,
-        randomisation: bool | str = DEFAULTS.randomisation,
-        start: str = DEFAULTS.start,
-        beams: int = DEFAULTS.beams,
-        stacked: int = DEFAULTS.stacked,
-        gap_threshold: float = DEFAULTS.gap_threshold,
-        camera: str = "fixed",
+        self, render_mode: str | None = None, *, camera: str = "fixed", **options: Any
     ) -> None:
-        simulation = simulate(
-            DEFAULTS,
-            tracks=tracks,
-            reverse=reverse,
-            randomisation=randomisation,
-            start=start,
-            beams=beams,
-            stacked=stacked,
-            gap_threshold=gap_threshold,
-        )
-        super().__init__(simulation, render_mode, camera)
+        super().__init__(simulate_single(DEFAULTS, **options), render_mode, camera)
 
 
 class FollowLeaderVector(DrivingVectorEnv):

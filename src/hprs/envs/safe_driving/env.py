@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from typing import Any
 
-from hprs.envs.driving.options import Options, simulate
+from hprs.envs.driving.options import Options, lists_options, simulate_single
 from hprs.envs.driving.single import DrivingEnv
 from hprs.envs.driving.vector import DrivingVectorEnv
 from hprs.envs.registration import BENCHMARKS
@@ -13,47 +13,31 @@ DEFAULTS = Options(tracks=("gm", "trt"), horizon=BENCHMARKS["hprs/SafeDriving-v0
 """The paper's table: 2,500 simulation steps, 10 of them a control step."""
 
 
+@lists_options(DEFAULTS)
 class SafeDriving(DrivingEnv):
     """A car that has to drive a lap.
 
     Args:
         render_mode: `rgb_array` or None; `gymnasium.make` knows `rgb_array_list` and `human` too.
-        tracks: Names of built-in tracks, `random:SEED`, or map files; each episode draws one.
+        camera: Of pictures: `fixed`, the whole track, or `follow`, around the car.
+        tracks: Names of built-in tracks, `random:SEED`, map files, map files with a centre line
+            (`map.yaml+line.csv`), or `hprs.carsim.track.Track`s; each episode draws one.
         reverse: Drive them the other way round.
         randomisation: Vary car, sensors and actuators; or a name of ranges: `all`, `released`,
             `released-gm`, `nominal`.
         start: `random`, anywhere on the track, or `grid`, at the start line.
         beams: Of the lidar.
         stacked: Scans and speeds in an observation.
-        camera: Of pictures: `fixed`, the whole track, or `follow`, around the car.
 
     Raises:
-        UsageError: An option has no such value.
+        UsageError: There is no such option, or it has no such value.
         TrackError: A map file cannot be read or driven.
     """
 
     def __init__(
-        self,
-        render_mode: str | None = None,
-        *,
-        tracks: str | Sequence[str] = DEFAULTS.tracks,
-        reverse: bool = DEFAULTS.reverse,
-        randomisation: bool | str = DEFAULTS.randomisation,
-        start: str = DEFAULTS.start,
-        beams: int = DEFAULTS.beams,
-        stacked: int = DEFAULTS.stacked,
-        camera: str = "fixed",
+        self, render_mode: str | None = None, *, camera: str = "fixed", **options: Any
     ) -> None:
-        simulation = simulate(
-            DEFAULTS,
-            tracks=tracks,
-            reverse=reverse,
-            randomisation=randomisation,
-            start=start,
-            beams=beams,
-            stacked=stacked,
-        )
-        super().__init__(simulation, render_mode, camera)
+        super().__init__(simulate_single(DEFAULTS, **options), render_mode, camera)
 
 
 class SafeDrivingVector(DrivingVectorEnv):
