@@ -168,10 +168,28 @@ def test_a_wrong_argument_is_one_clear_error(build, message):
         build()
 
 
-@pytest.mark.parametrize("action", [[np.nan, 0], [0], [[0, 0]]])
-def test_a_change_that_is_none_is_refused_and_forgotten(action):
+@pytest.mark.parametrize(
+    ("action", "message"),
+    [
+        ([np.nan, 0], "An action is finite; component 0 is nan."),
+        ([0, np.nan], "An action is finite; component 1 is nan."),
+        ([0, -np.inf], "An action is finite; component 1 is -inf."),
+        ([0], "An action has shape (2,), not (1,)."),
+        ([[0, 0]], "An action has shape (2,), not (1, 2)."),
+    ],
+)
+def test_a_change_that_is_none_is_refused_and_forgotten(action, message):
     env = IncrementAction(Echo(), 0, step=1.0)
     env.reset()
-    with pytest.raises(UsageError, match="An action has shape"):
+    with pytest.raises(UsageError) as caught:
         env.step(np.array(action, np.float32))
+    assert str(caught.value) == message
     assert env.step(np.zeros(2, np.float32))[0][1] == 0
+
+
+def test_actions_outside_their_space_are_remembered_at_its_edge_and_passed_on_as_they_are():
+    env = ActionHistory(Echo(), 2)
+    env.reset()
+    observation = env.step(np.array([-5, 8], np.float32))[0]
+    assert observation.tolist() == [0, 0, -1, 3, 1, -5, 8]
+    assert env.observation_space.contains(observation)

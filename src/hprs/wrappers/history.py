@@ -23,7 +23,8 @@ from hprs.wrappers.signals import zero_action
 class ActionHistory(gym.Wrapper[Any, Any, Any, Any]):
     """Puts the last actions in front of a flat observation, the oldest first.
 
-    Before the first action all of them are zero clipped to the action space, or `start`.
+    They are clipped to the action space, so that the observation stays in its own; the environment
+    gets them as they came. Before the first action all are zero, clipped likewise, or `start`.
 
     Args:
         env: With a Box of one axis as its observations, and a Box as its actions.
@@ -39,6 +40,7 @@ class ActionHistory(gym.Wrapper[Any, Any, Any, Any]):
         super().__init__(env)
         seen, done = _flat(env, "ActionHistory"), _box(env.action_space, "ActionHistory", "actions")
         self.length = _count("length", length)
+        self._bounds = done.low, done.high
         self._start = zero_action(done) if start is None else _action("start", start, done)
         self._actions = np.stack([self._start] * self.length)
         dtype = np.result_type(seen.dtype, done.dtype)
@@ -59,7 +61,9 @@ class ActionHistory(gym.Wrapper[Any, Any, Any, Any]):
     def step(self, action: Any) -> tuple[np.ndarray, Any, bool, bool, dict[str, Any]]:
         """Step, and remember the action."""
         observation, reward, terminated, truncated, info = self.env.step(action)
-        self._actions = np.concatenate([self._actions[1:], np.asarray(action)[None]])
+        low, high = self._bounds
+        newest = np.clip(np.asarray(action), low, high)
+        self._actions = np.concatenate([self._actions[1:], newest[None]])
         return self._extended(observation), reward, terminated, truncated, info
 
     def _extended(self, observation: np.ndarray) -> np.ndarray:
@@ -172,8 +176,11 @@ class IncrementAction(gym.Wrapper[Any, Any, Any, Any]):
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """Change the command, and step with it."""
         told = np.array(action, self.action_space.dtype)
-        if told.shape != self.action_space.shape or not np.isfinite(told[self.index]):
-            raise UsageError(f"An action has shape {self.action_space.shape} and is finite: {told}")
+        if told.shape != self.action_space.shape:
+            raise UsageError(f"An action has shape {self.action_space.shape}, not {told.shape}.")
+        if not np.isfinite(told).all():
+            wrong = int(np.flatnonzero(~np.isfinite(told))[0])
+            raise UsageError(f"An action is finite; component {wrong} is {told[wrong]}.")
         change = self.step_size * float(np.clip(told[self.index], -1, 1))
         self._command = float(np.clip(self._command + change, self._low, self._high))
         told[self.index] = self._command
