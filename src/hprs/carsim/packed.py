@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar, cast
 
 import jax
 import jax.numpy as jnp
@@ -19,7 +19,6 @@ from jax import Array
 from jax.experimental.xla_metadata import set_xla_metadata
 
 Tree = TypeVar("Tree")
-Function = TypeVar("Function", bound=Callable[..., Array])
 
 
 @dataclass(frozen=True)
@@ -89,10 +88,11 @@ def _words(leaf: Array) -> Array:
     return jax.lax.bitcast_convert_type(leaf, jnp.uint32)
 
 
-def as_one_kernel(function: Function) -> Function:
+def as_one_kernel(function: Callable[..., Array]) -> Callable[..., Array]:
     """The compiled function, on a CPU as a single kernel: half the time for one world.
 
-    It leaves nothing to parallel threads and little to vector registers; batches lose by it.
+    It leaves nothing to parallel threads and little to vector registers; batches lose by it. Sums
+    of products are rounded once there, so that results may differ in the last places.
 
     Args:
         function: Of arrays to one array.
@@ -105,6 +105,7 @@ def as_one_kernel(function: Function) -> Function:
         if jax.default_backend() != "cpu":
             return result
         # XLA's own marks of what it emits as a whole; a version without them ignores them.
-        return set_xla_metadata(result, inlineable="false", xla_cpu_small_call="true")
+        marked = set_xla_metadata(result, inlineable="false", xla_cpu_small_call="true")
+        return cast(Array, marked)
 
     return whole
