@@ -50,7 +50,7 @@ def test_an_option_that_is_none_is_the_same_error_whoever_makes_it(make, name, o
 
 
 def test_the_time_limit_of_a_single_environment_is_gymnasiums():
-    with pytest.raises(UsageError, match="no option .horizon. here"):
+    with pytest.raises(UsageError, match=r"no option 'horizon' here\. Use max_episode_steps"):
         gym.make(SAFE, horizon=5)
 
 
