@@ -147,8 +147,8 @@ def test_unknown_is_one_trace_with_at_least_one_signal() -> None:
         unknown(RACE, {"x": np.zeros((3, 2))})
     with pytest.raises(TraceError, match=r"none of the signals .* \(x, y\); it has z"):
         unknown(RACE, {"z": [0, 0]})
-    with pytest.raises(UsageError, match="missing is error or unknown, got 'unknow'"):
-        assess(parse_task(RACE), {}, missing="unknow")  # type: ignore[arg-type]
+    with pytest.raises(UsageError, match="missing is error or unknown, got 'unknowns'"):
+        assess(parse_task(RACE), {}, missing="unknowns")  # type: ignore[arg-type]
 
 
 def test_unknown_requirements_are_not_summarised() -> None:
