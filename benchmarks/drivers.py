@@ -26,9 +26,10 @@ from jax import Array
 
 import hprs
 from hprs.carsim.actuators import MAX_SPEED_COMMAND, Command
-from hprs.carsim.drivers import PursuitParameters, pursue
+from hprs.carsim.drivers import PursuitParameters, follow, pursue
 from hprs.carsim.leader import LeaderParameters, follow_the_gap
 from hprs.carsim.lidar import beam_angles
+from hprs.carsim.race import lead_distance
 from hprs.carsim.selection import selected
 from hprs.carsim.track import Track, stack_tracks
 from hprs.envs import functional, task_of
@@ -40,12 +41,6 @@ FAST = PursuitParameters(top_speed=2.7, lateral_acceleration=4.0)
 """2 m/s and more in every bend of the built-in tracks."""
 GAP = LeaderParameters(base_speed=1.5, variable_speed=1.0)
 """A pilot that knows its own scan only."""
-CHASE = PursuitParameters(top_speed=3.2, lateral_acceleration=4.5)
-"""Of the follower: what it may reach while it catches up."""
-DISTANCE = 1.75
-"""m; in the middle of what the task asks for."""
-EAGERNESS = 2.0
-"""m/s that the follower drives faster than its leader, a metre too far behind."""
 
 Driver = Callable[[Episode, Track, Array], Command]
 
@@ -68,14 +63,13 @@ def _gap(episode: Episode, track: Track, key: Array) -> Command:
 
 
 def _follow(episode: Episode, track: Track, key: Array) -> Command:
-    """Pursues the centre line and keeps its distance; it knows the leader's place and speed."""
-    world = episode.world
-    behind = world.gap + world.distance[-1] - world.distance[0]
-    wanted = world.cars.speed[-1] + EAGERNESS * (behind - DISTANCE)
-    # The speed of a bend is a limit for a driver that catches up.
-    command = pursue(_car(episode, 0), world.progress[0], track, parameters=CHASE)
-    wanted = wanted / PursuitParameters.speed_gain
-    return replace(command, speed=jnp.clip(wanted, 0.0, command.speed))
+    return follow(
+        _car(episode, 0),
+        episode.world.progress[0],
+        track,
+        behind=-lead_distance(episode.world),
+        leader_speed=_car(episode, 1).speed,
+    )
 
 
 def _nothing(episode: Episode, track: Track, key: Array) -> Command:

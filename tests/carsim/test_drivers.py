@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hprs.carsim.actuators import MAX_SPEED_COMMAND, actuate
-from hprs.carsim.drivers import pursue
+from hprs.carsim.drivers import FollowParameters, follow, pursue
 from hprs.carsim.randomisation import ranges, sample
 from hprs.carsim.track import POINTS, Track, pose_at, progress
 from hprs.carsim.vehicle import advance, at_rest
@@ -60,3 +60,23 @@ def test_every_randomised_car_stays_near_the_middle_of_a_ring(radius, clockwise)
     assert np.abs(np.asarray(distance) - radius).max() < 0.4
     assert np.asarray(speed)[:, 50:].min() > 1.0
     assert 0 <= command.min() <= command.max() <= MAX_SPEED_COMMAND
+
+
+@pytest.mark.parametrize(
+    ("behind", "speed"),
+    [
+        (1.75, 1.5),  # The leader's, where the distance is what it shall be.
+        (1.25, 0.5),
+        (0.75, 0.0),  # It stands rather than to drive backwards.
+        (9.0, None),  # What a bend allows is the limit.
+    ],
+)
+def test_a_follower_drives_at_its_leaders_speed_and_corrects_the_distance(behind, speed):
+    track, s = ring(3.0), jnp.float32(2.0)
+    car, parameters = at_rest(*pose_at(track, s)), FollowParameters()
+    found = follow(car, s, track, behind=jnp.float32(behind), leader_speed=jnp.float32(1.5))
+    pursued = pursue(car, s, track, parameters=parameters.pursuit)
+    assert found.steering == pursued.steering
+    assert found.speed.dtype == jnp.float32
+    expected = pursued.speed if speed is None else speed / parameters.pursuit.speed_gain
+    np.testing.assert_allclose(found.speed, expected, rtol=1e-6)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import jax
@@ -86,6 +86,51 @@ def pursue(
     allowed = jnp.minimum(turning, _allowed_speed(s, track, p))
     wanted = jnp.minimum(p.top_speed, allowed) / p.speed_gain
     return Command(steering, jnp.clip(wanted, 0.0, MAX_SPEED_COMMAND).astype(steering.dtype))
+
+
+@partial(
+    jax.tree_util.register_dataclass,
+    data_fields=["pursuit", "distance", "eagerness"],
+    meta_fields=[],
+)
+@dataclass(frozen=True)
+class FollowParameters:
+    """How the following driver drives."""
+
+    pursuit: PursuitParameters = field(
+        default_factory=lambda: PursuitParameters(top_speed=3.2, lateral_acceleration=4.5)
+    )
+    """Of the centre line; its speed is the limit while the driver catches up."""
+    distance: Array | float = 1.75
+    """To the leader along the track, m; the middle of what the task asks for."""
+    eagerness: Array | float = 2.0
+    """Speed in m/s that it adds to the leader's for a metre too much."""
+
+
+def follow(
+    car: Car,
+    s: Array,
+    track: Track,
+    *,
+    behind: Array,
+    leader_speed: Array,
+    parameters: FollowParameters | None = None,
+) -> Command:
+    """Pursues the centre line and keeps its distance from a leader.
+
+    Args:
+        car: Its true state.
+        s: Its progress on the track, m.
+        track: The track.
+        behind: From the car forwards to the leader along the track, m.
+        leader_speed: m/s.
+        parameters: Of the driver.
+    """
+    p = parameters or FollowParameters()
+    command = pursue(car, s, track, parameters=p.pursuit)
+    wanted = leader_speed + p.eagerness * (behind - p.distance)
+    speed = jnp.clip(wanted / p.pursuit.speed_gain, 0.0, command.speed)
+    return replace(command, speed=speed.astype(command.speed.dtype))
 
 
 def _allowed_speed(s: Array, track: Track, p: PursuitParameters) -> Array:
