@@ -65,6 +65,7 @@ def scene_at(ground, *places, **changes):
         poses=poses,
         wheels=np.zeros(len(places)),
         scan=np.full(64, 0.4),
+        reach=15.0,
         trail=poses[None, :, :2],
         speed=2.0,
         steering=0.0,

@@ -29,7 +29,7 @@ from hprs.carsim.actuators import (
 )
 from hprs.carsim.collision import touches_car, touches_wall
 from hprs.carsim.leader import GAP_THRESHOLD, LeaderParameters, follow_the_gap, sample_leader
-from hprs.carsim.lidar import BEAMS, beam_angles, measure, with_noise
+from hprs.carsim.lidar import BEAMS, LIDAR, Lidar, beam_angles, measure, with_noise
 from hprs.carsim.randomisation import Parameters, Ranges, ranges, sample
 from hprs.carsim.track import Track
 from hprs.carsim.vehicle import TIME_STEP, Car, advance, at_rest
@@ -51,7 +51,7 @@ LARGEST_GAP = 0.2
 @partial(
     jax.tree_util.register_dataclass,
     data_fields=["ranges", "threshold"],
-    meta_fields=["cars", "start"],
+    meta_fields=["cars", "start", "lidar"],
 )
 @dataclass(frozen=True)
 class Settings:
@@ -61,6 +61,8 @@ class Settings:
     """2 for a car and its leader."""
     start: Literal["random", "grid"] = "random"
     """Anywhere on the track, or at the start line."""
+    lidar: Lidar = LIDAR
+    """Of car 0; a leader has the paper's."""
     ranges: Ranges = field(default_factory=ranges)
     """Of the domain randomisation. The paper's code had it in evaluations too."""
     threshold: Array | float = GAP_THRESHOLD
@@ -102,11 +104,11 @@ class World:
     gap: Array
     """From car 0 forwards to the leader along the track at the reset, (), m; 0 without one."""
     hit_wall: Array
-    """Whether a car touched a wall, (N,) bool; it stands from then on."""
+    """Whether a car touched a wall, (N,) bool; it stays where it did, with the speed it had."""
     hit_car: Array
-    """Whether the cars touched each other, () bool; both stand from then on."""
+    """Whether the cars touched each other, () bool; both stay where they did."""
     scan: Array
-    """Lidar readings of car 0, (BEAMS,), m."""
+    """Lidar readings of car 0, (beams,), m."""
     velocity: Array
     """Measured forward velocity of car 0, (), m/s."""
     leader_command: Command
@@ -149,7 +151,7 @@ def reset(key: Array, track: Track, settings: Settings) -> World:
         gap=jnp.mod(progress[-1] - progress[0], track.length),
         hit_wall=none,
         hit_car=jnp.zeros((), bool),
-        scan=jnp.zeros(BEAMS, dtype),
+        scan=jnp.zeros(settings.lidar.beams, dtype),
         velocity=zero,
         leader_command=Command(zero, zero),
         steps=jnp.zeros((), jnp.int32),
@@ -158,16 +160,17 @@ def reset(key: Array, track: Track, settings: Settings) -> World:
         leader=leader,
     )
     noise, key = _noise(world)
-    return replace(_sensed(world, track, noise), key=key)
+    return replace(_sensed(world, track, noise, settings.lidar), key=key)
 
 
-def step(world: World, track: Track, command: Command) -> World:
+def step(world: World, track: Track, command: Command, *, lidar: Lidar = LIDAR) -> World:
     """The world one control step later.
 
     Args:
         world: The state.
         track: The track that it was reset on.
         command: For car 0; scalars.
+        lidar: Of the settings that it was reset with.
     """
     # Before the loop: XLA draws again wherever a drawn number is used inside of one.
     noise, key = _noise(world)
@@ -186,7 +189,7 @@ def step(world: World, track: Track, command: Command) -> World:
         steps=world.steps + 1,
         key=key,
     )
-    return _sensed(world, track, noise)
+    return _sensed(world, track, noise, lidar)
 
 
 def clearance(world: World, track: Track) -> Array:
@@ -237,26 +240,30 @@ def _moved(car: Car, command: Command, p: Parameters) -> Car:
 
 
 def _noise(world: World) -> tuple[tuple[Array, Array], Array]:
-    """Uniform numbers in (-1, 1) for beams (N, BEAMS), a normal one for velocity; the next key."""
+    """Uniform numbers in (-1, 1) for all beams, a normal one for velocity; and the next key."""
     draw, key = jax.random.split(jax.random.wrap_key_data(world.key))
     dtype, cars = world.progress.dtype, world.progress.shape[0]
     above = np.nextafter(np.array(-1.0, dtype), np.array(0.0, dtype))
     # One draw for both: for one world, the number of operations is what costs.
-    uniform = jax.random.uniform(draw, (cars * BEAMS + 1,), dtype, minval=above, maxval=1.0)
+    beams = world.scan.shape[0] + (cars - 1) * BEAMS
+    uniform = jax.random.uniform(draw, (beams + 1,), dtype, minval=above, maxval=1.0)
     normal = math.sqrt(2) * jax.lax.erf_inv(uniform[-1])
-    return (uniform[:-1].reshape(cars, BEAMS), normal), jax.random.key_data(key)
+    return (uniform[:-1], normal), jax.random.key_data(key)
 
 
-def _sensed(world: World, track: Track, noise: tuple[Array, Array]) -> World:
+def _sensed(world: World, track: Track, noise: tuple[Array, Array], lidar: Lidar) -> World:
     """The world with new readings, and with what the leader makes of its own."""
     number = world.progress.shape[0]
     cars = [_one(world.cars, i) for i in range(number)]
     sensors = [_one(world.parameters.sensors, i) for i in range(number)]
     uniform, normal = noise
+    lidars = [lidar, LIDAR][:number]
+    parts = jnp.split(uniform, [lidar.beams])
     scans = []
     for i, car in enumerate(cars):
-        exact = measure(track, car, cars[1 - i] if number == 2 else None)
-        scans.append(with_noise(exact, uniform[i], share=sensors[i].lidar_noise))
+        exact = measure(track, car, cars[1 - i] if number == 2 else None, lidar=lidars[i])
+        share = sensors[i].lidar_noise
+        scans.append(with_noise(exact, parts[i], share=share, reach=lidars[i].reach))
     forward = cars[0].speed * jnp.cos(cars[0].slip)
     spread = jnp.abs(forward) * sensors[0].velocity_noise + sensors[0].velocity_floor
     world = replace(world, scan=scans[0], velocity=forward + spread * normal)

@@ -57,6 +57,8 @@ class Options:
     """`random`: anywhere on the track; `grid`: at the start line."""
     beams: int = BEAMS
     """Of the lidar, over the same 270 degrees."""
+    reach: float = SIGHT
+    """Of the lidar, m: a Hokuyo UST-10LX on a real car sees 10."""
     gap_threshold: float = GAP_THRESHOLD
     """Distance in m beyond which the leader takes a beam for a gap."""
 
@@ -75,6 +77,7 @@ def simulate(defaults: Options, **changes: Any) -> Simulation:
         start=_start(options.start),
         ranges=_ranges(options.randomisation),
         threshold=_threshold(options.gap_threshold),
+        lidar=Lidar(beams=count("beams", options.beams), reach=number("reach", options.reach)),
     )
     # Gymnasium's name, where the caller wrote that one.
     horizon = count("horizon (max_episode_steps)", options.horizon)
@@ -82,7 +85,6 @@ def simulate(defaults: Options, **changes: Any) -> Simulation:
         tracks=_stack(options.tracks, switch("reverse", options.reverse)),
         settings=settings,
         horizon=jnp.asarray(horizon, jnp.int32),
-        beams=Lidar(beams=count("beams", options.beams)).beams,
         stacked=count("stacked", options.stacked),
     )
 

@@ -16,7 +16,6 @@ from jax import Array
 
 from hprs.carsim import race
 from hprs.carsim.actuators import MAX_SPEED_COMMAND, Command
-from hprs.carsim.lidar import BEAMS, Lidar, measure, with_noise
 from hprs.carsim.selection import selected
 from hprs.carsim.track import SIGHT, Track
 
@@ -69,7 +68,7 @@ class Episode:
 @partial(
     jax.tree_util.register_dataclass,
     data_fields=["tracks", "settings", "horizon"],
-    meta_fields=["beams", "stacked"],
+    meta_fields=["stacked"],
 )
 @dataclass(frozen=True)
 class Simulation:
@@ -81,10 +80,13 @@ class Simulation:
     """Of the worlds."""
     horizon: Array
     """Control steps after which an episode is truncated, () int32."""
-    beams: int = BEAMS
-    """Of the observed lidar."""
     stacked: int = 1
     """Scans and speeds in an observation."""
+
+    @property
+    def beams(self) -> int:
+        """Readings in a scan."""
+        return self.settings.lidar.beams
 
     @property
     def signal_names(self) -> tuple[str, ...]:
@@ -109,12 +111,11 @@ class Simulation:
         world = race.reset(world_key, track, self.settings)
         dtype = track.centre.dtype
         standing = jnp.tile(jnp.array([0.0, -1.0], dtype), (REMEMBERED_COMMANDS, 1))
-        scan = self._scan(world, track)
         episode = Episode(
             world=world,
             track=index,
             commands=standing,
-            scans=jnp.tile(scan, (self.stacked, 1)),
+            scans=jnp.tile(world.scan, (self.stacked, 1)),
             speeds=jnp.tile(world.velocity, self.stacked),
         )
         return episode, observe(episode), self._signals(episode, track)
@@ -139,12 +140,12 @@ class Simulation:
         speed = jnp.clip(standing + 2 * SPEED_CHANGE / MAX_SPEED_COMMAND * change, -1.0, 1.0)
         command = Command(steering, (speed + 1) / 2 * MAX_SPEED_COMMAND)
         before = episode.world
-        world = race.step(before, track, command)
+        world = race.step(before, track, command, lidar=self.settings.lidar)
         episode = replace(
             episode,
             world=world,
             commands=_pushed(episode.commands, jnp.stack([steering, speed])),
-            scans=_pushed(episode.scans, self._scan(world, track)),
+            scans=_pushed(episode.scans, world.scan),
             speeds=_pushed(episode.speeds, world.velocity),
         )
         signals = self._signals(episode, track)
@@ -160,19 +161,6 @@ class Simulation:
             terminated,
             ~terminated & (world.steps >= self.horizon),
         )
-
-    def _scan(self, world: race.World, track: Track) -> Array:
-        """The observed readings: the world's, or those of a lidar with other beams."""
-        if self.beams == BEAMS:
-            return world.scan
-        cars = [jax.tree.map(lambda leaf, i=i: leaf[i], world.cars) for i in (0, -1)]
-        leader = cars[1] if self.settings.cars == 2 else None
-        exact = measure(track, cars[0], leader, lidar=Lidar(beams=self.beams))
-        # The world's key is that of the next step; this noise must not be that step's.
-        key = jax.random.fold_in(jax.random.wrap_key_data(world.key), self.beams)
-        uniform = jax.random.uniform(key, exact.shape, exact.dtype, minval=-1.0, maxval=1.0)
-        share = jnp.asarray(world.parameters.sensors.lidar_noise)[0]
-        return with_noise(exact, uniform, share=share)
 
     def _signals(self, episode: Episode, track: Track) -> Signals:
         world = episode.world

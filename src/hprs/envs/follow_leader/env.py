@@ -29,6 +29,7 @@ class FollowLeader(DrivingEnv):
             `released`, `released-gm`, `nominal`.
         start: `random`, anywhere on the track, or `grid`, at the start line.
         beams: Of the lidar that is observed; the leader's has 64.
+        reach: Of that lidar, m.
         stacked: Scans and speeds in an observation.
         gap_threshold: Distance in m beyond which the leader takes a beam for a gap.
 

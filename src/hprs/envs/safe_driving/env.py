@@ -27,6 +27,7 @@ class SafeDriving(DrivingEnv):
             `released-gm`, `nominal`.
         start: `random`, anywhere on the track, or `grid`, at the start line.
         beams: Of the lidar.
+        reach: Of that lidar, m.
         stacked: Scans and speeds in an observation.
 
     Raises:

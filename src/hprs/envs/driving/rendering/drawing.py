@@ -60,7 +60,8 @@ class Drawing:
             ground = ground_of(self._simulation.tracks, index)
             self._painters[index] = Painter(ground, self._camera)
         painter = self._painters[index]
-        return painter.paint(scene_of(self._states, painter.ground.length))
+        reach = self._simulation.settings.lidar.reach
+        return painter.paint(scene_of(self._states, length=painter.ground.length, reach=reach))
 
     def __getstate__(self) -> dict[str, Any]:
         # Pens cannot be copied; what paints is made again.

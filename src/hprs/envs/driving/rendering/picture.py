@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hprs.carsim.lidar import LIDAR, Lidar, beam_angles
-from hprs.carsim.track import SIGHT
 from hprs.envs.driving.rendering.canvas import Canvas, Colour, Points, Shape, View
 from hprs.envs.driving.rendering.car import car_shapes
 from hprs.envs.driving.rendering.ground import GROUND, WALL_EDGE, Ground, scenery, silhouette
@@ -140,5 +139,5 @@ def _draw_lidar(canvas: Canvas, view: View, scene: Scene) -> None:
     for end in ends:
         canvas.line(view, [eye, end], LIDAR_RAY, width=0.0, least=0.7)
     # What is beyond the reach is no point of anything.
-    for end in ends[scene.scan < SIGHT]:
+    for end in ends[scene.scan < scene.reach]:
         canvas.disc(view, end, LIDAR_POINT, radius=0.022, least=1.5)

@@ -21,6 +21,8 @@ class Scene:
     """Angles of the front wheels, positive to the left, (N,), rad."""
     scan: NDArray[np.float64]
     """Readings of the lidar of car 0, from the left rear to the right rear, (B,), m."""
+    reach: float
+    """What a reading without a wall is, m."""
     trail: NDArray[np.float64]
     """Where the cars were before, the oldest first, (T, N, 2), m."""
     speed: float
@@ -37,12 +39,13 @@ class Scene:
     """Whether the cars have touched."""
 
 
-def scene_of(episodes: Sequence[Episode], length: float) -> Scene:
+def scene_of(episodes: Sequence[Episode], *, length: float, reach: float) -> Scene:
     """The last of some consecutive states of one episode, in NumPy, and a trail of all of them.
 
     Args:
         episodes: At least one.
         length: Of the track, m.
+        reach: Of the lidar, m.
     """
     episode = episodes[-1]
     world, cars = episode.world, episode.world.cars
@@ -52,6 +55,7 @@ def scene_of(episodes: Sequence[Episode], length: float) -> Scene:
         poses=np.stack([cars.x, cars.y, cars.yaw], axis=-1).astype(float),
         wheels=np.asarray(cars.steering, float),
         scan=np.asarray(episode.scans[-1], float),
+        reach=reach,
         trail=np.asarray(trail, float),
         speed=float(cars.speed[0] * np.cos(cars.slip[0])),
         steering=float(episode.commands[-1, 0]),
