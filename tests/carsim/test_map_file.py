@@ -8,9 +8,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from hprs.carsim import track as tracks
-from hprs.carsim.geometry import loop_segments, point_distances
+from hprs.carsim.collision import touches_wall
+from hprs.carsim.construction import turns_around
+from hprs.carsim.geometry import inside, loop_segments, point_distances
 from hprs.carsim.lidar import beam_angles, measure
 from hprs.carsim.map_file import load_map
 from hprs.carsim.vehicle import at_rest
@@ -111,6 +114,96 @@ def test_speckles_in_the_corridor_are_noise(gm_map, tmp_path):
     speckled[row : row + 2, column : column + 2] = False
     other = load_map(write_map(folder, speckled, origin=(*CORNER, 0.0)))
     np.testing.assert_array_equal(other.walls, load_map(gm_map).walls)
+
+
+def hall(*blocks, size=(8.0, 6.0)):
+    """Free cells of a room with blocks (x0, y0, x1, y1) in m; the picture's corner is (0, 0)."""
+    free = np.zeros((int(size[1] / 0.05), int(size[0] / 0.05)), bool)
+    free[10:-10, 10:-10] = True
+    for block in blocks:
+        x0, y0, x1, y1 = np.round(np.array(block) / 0.05).astype(int)
+        free[y0:y1, x0:x1] = False
+    return free
+
+
+CORE = (3.0, 2.5, 5.0, 3.5)
+"""In a hall of 8 m x 6 m this block leaves a corridor of 2 m on all sides, or 2.5 m."""
+
+
+def free_poses(free, number=60, room=0.3):
+    """Poses of cars whose centres are away from walls, on a map with its corner in (0, 0)."""
+    generator = np.random.default_rng(0)
+    away = ndimage.distance_transform_edt(free) * 0.05 > room
+    places = generator.permutation(np.argwhere(away))[:number, ::-1] * 0.05 + 0.025
+    return np.column_stack([places, generator.uniform(-np.pi, np.pi, len(places))])
+
+
+OBSTACLES = {
+    "a pillar of 0.7 m x 0.5 m": hall(CORE, (3.5, 0.8, 4.2, 1.3)),
+    "a pillar at the inner wall": hall(CORE, (3.7, 1.9, 4.4, 2.4)),
+    "a thin wall": hall(CORE, (1.0, 2.0, 1.05, 4.0)),
+    "a post of 0.2 m": hall(CORE, (1.0, 2.0, 1.2, 2.2)),
+    "two blocks": hall(CORE, (8.0, 2.5, 9.0, 3.5), size=(12.0, 6.0)),
+}
+
+
+@pytest.mark.parametrize("free", OBSTACLES.values(), ids=OBSTACLES)
+def test_what_stands_in_the_corridor_is_a_wall_and_the_lap_passes_it(tmp_path, free):
+    track = load_map(write_map(tmp_path, free))
+    walls = np.asarray(track.walls, float)
+    # Every cell's middle is free by the walls as it is in the picture.
+    rows, columns = np.indices(free.shape)
+    middles = np.stack([columns.ravel() + 0.5, rows.ravel() + 0.5], axis=1) * 0.05
+    sure = point_distances(middles, walls).min(axis=1) > 0.05
+    np.testing.assert_array_equal(inside(middles, walls)[sure], free.ravel()[sure])
+    line = np.asarray(track.centre, float)
+    assert turns_around(line, np.array([4.0, 3.0])) == 1
+    assert point_distances(line, walls).min() > 0.2
+    poses = free_poses(free)
+    found = np.asarray(scans(track, at_rest(*jnp.asarray(poses.T, jnp.float32))))
+    _, least, most, step = march(free, (0.0, 0.0), poses, beam_angles())
+    assert (found >= least - step).all()
+    assert (found <= most + step).all()
+
+
+def test_a_car_cannot_drive_through_a_pillar(tmp_path):
+    track = load_map(write_map(tmp_path, OBSTACLES["a pillar of 0.7 m x 0.5 m"]))
+    x = jnp.asarray([2.5, 3.0, 3.35, 4.35, 4.7, 5.2])
+    cars = at_rest(x, jnp.full(6, 1.0), jnp.zeros(6))
+    touched = jax.vmap(touches_wall, (None, 0))(track, cars)
+    assert touched.tolist() == [False, False, True, True, False, False]
+
+
+def test_a_pillar_that_leaves_no_room_is_refused_with_its_place(tmp_path):
+    path = write_map(tmp_path, hall(CORE, (3.5, 0.8, 4.2, 2.2)))
+    with pytest.raises(TrackError, match=r"near \([34]\.\d+, [02]\.\d+\) m; a car needs 0.2 m"):
+        load_map(path)
+
+
+def test_specks_below_a_fifth_of_a_metre_are_noise(tmp_path):
+    folder = tmp_path / "other"
+    folder.mkdir()
+    speckled = load_map(write_map(folder, hall(CORE, (1.2, 2.0, 1.2 + 0.15, 2.0 + 0.15))))
+    clean = load_map(write_map(tmp_path, hall(CORE)))
+    np.testing.assert_array_equal(speckled.walls, clean.walls)
+
+
+def test_a_centre_line_must_go_round_the_largest_obstacle(tmp_path):
+    path = write_map(tmp_path, hall(CORE, (8.0, 2.5, 9.0, 3.5), size=(12.0, 6.0)))
+    angle = np.linspace(0, 2 * np.pi, 100, endpoint=False)
+    line = tmp_path / "line.csv"
+    for x, y, reach, fits in (
+        (6.5, 3.0, 1.0, False),
+        (8.5, 3.0, 1.3, False),
+        (4.0, 3.0, 1.8, True),
+    ):
+        centre = np.stack([x + reach * np.cos(angle), y + reach * np.sin(angle)], axis=1)
+        np.savetxt(line, centre, delimiter=",")
+        if fits:
+            assert load_map(path, centre_line=line).length == pytest.approx(11.3, abs=0.1)
+        else:
+            with pytest.raises(TrackError, match=f"{line}: its centre line is no lap"):
+                load_map(path, centre_line=line)
 
 
 def cut(free):

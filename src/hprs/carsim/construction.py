@@ -40,6 +40,7 @@ def construct_track(
     reverse: bool = False,
     dtype: npt.DTypeLike | None = None,
     measured: bool = False,
+    around: Points | None = None,
 ) -> Track:
     """A track.
 
@@ -50,6 +51,7 @@ def construct_track(
         reverse: Drive it the other way round.
         dtype: Of its arrays; float32 unless said otherwise.
         measured: The centre line was found between the walls, so that it is not to blame.
+        around: The wall that a lap goes round once, in any direction, (P, 2).
 
     Raises:
         TrackError: It cannot be driven; the message says where.
@@ -61,6 +63,8 @@ def construct_track(
     loops = [loop_segments(_oriented(loop, loops)) for loop in loops]
     walls = np.concatenate(loops)
     _check_free(centre, walls, name, measured)
+    if around is not None:
+        _check_lap(centre, around, name)
     left, right = _widths(centre, walls, name)
     cells = list_walls(loops)
     arrays = {
@@ -140,6 +144,22 @@ def _check_free(centre: Points, walls: Points, name: str, measured: bool) -> Non
         raise TrackError(
             f"{name}: its centre line leaves the free space near {_at(place)}. "
             "Do the centre line and the map belong together?"
+        )
+
+
+def turns_around(line: Points, place: Points) -> int:
+    """How often a closed line runs round a place, counter-clockwise."""
+    x, y = (line - place).T
+    angles = np.arctan2(y, x)
+    turns = (np.diff(angles, append=angles[0]) + np.pi) % (2 * np.pi) - np.pi
+    return round(turns.sum() / (2 * np.pi))
+
+
+def _check_lap(centre: Points, around: Points, name: str) -> None:
+    if abs(turns_around(centre, around[0])) != 1:
+        raise TrackError(
+            f"{name}: its centre line is no lap: near {_at(centre[0])} it does not run round the "
+            f"track's largest obstacle, whose wall is at {_at(around[0])}."
         )
 
 

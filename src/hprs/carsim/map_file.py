@@ -1,9 +1,10 @@
 """Tracks from the map files of ROS and RoboRacer (F1TENTH).
 
 A map is an occupancy grid: a YAML file as ROS's `map_server` writes it, and the picture that it
-names. The track is the free space between the outermost wall and the largest obstacle in it. Beside
-the map may stand a centre line as CSV with the columns x_m, y_m, w_tr_right_m, w_tr_left_m; without
-one it is the middle of the free space, from the place nearest to the map's origin.
+names. The track is the free space around the largest obstacle, and the lap goes round that one;
+what else stands in it is a wall too. Beside the map may stand a centre line as CSV with the columns
+x_m, y_m, w_tr_right_m, w_tr_left_m; without one it is the middle of the free space, from the place
+nearest to the map's origin.
 Source: wiki.ros.org/map_server (version 0, modes trinary and scale).
 """
 
@@ -16,8 +17,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from hprs.carsim.construction import construct_track
-from hprs.carsim.geometry import Points, closed_length, resample, signed_area, simplify
+from hprs.carsim.construction import construct_track, turns_around
+from hprs.carsim.geometry import (
+    Points,
+    closed_length,
+    crossings,
+    loop_segments,
+    resample,
+    signed_area,
+    simplify,
+)
 from hprs.carsim.track import POINTS, Track
 from hprs.errors import MissingExtraError, TrackError
 
@@ -33,8 +42,15 @@ _FIELDS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_t
 _MOST_CELLS = 100_000_000
 _SMALLEST_OBSTACLE = 9
 """Cells that a track must run around, at least."""
+_SPECK = 0.2
+"""Both sides of what is noise of the mapping are smaller, m; a car that meets more is stopped."""
+_OUTSIDE, _CORE = 1, 2
+"""Labels of the cells outside of the track, and of the obstacle that the lap goes round."""
 _SMOOTHING = 0.3
 """Reach of the smoothing of a centre line that was read from the grid, in m."""
+
+
+Labels = npt.NDArray[np.int32]
 
 
 @dataclass(frozen=True)
@@ -76,17 +92,23 @@ def load_map(
     """
     path = Path(path)
     grid = _read_map(path)
-    ring = _ring(grid, path)
-    grid, ring = _crop(grid, ring)
-    loops = [simplify(loop, grid.resolution) for loop in _outlines(grid, ring)]
+    solid = _solid(grid, path)
+    grid, solid = _crop(grid, solid)
+    loops, around = _outlines(grid, solid)
     if centre_line is None:
-        centre = _middle(grid, ring, path)
+        centre = _middle(grid, solid, path)
         name = str(path)
     else:
         name = f"{path} with {centre_line}"
         centre = _read_centre_line(Path(centre_line))
     return construct_track(
-        centre, loops, name=name, reverse=reverse, dtype=dtype, measured=centre_line is None
+        centre,
+        loops,
+        name=name,
+        reverse=reverse,
+        dtype=dtype,
+        measured=centre_line is None,
+        around=around,
     )
 
 
@@ -157,65 +179,109 @@ def _number(value: object, path: Path) -> float:
     raise TrackError(f"{path}: {value!r} stands where a number is expected.")
 
 
-def _ring(grid: _Grid, path: Path) -> npt.NDArray[np.bool_]:
-    """The free cells of the track: the free region around the largest obstacle, holes filled."""
+def _solid(grid: _Grid, path: Path) -> Labels:
+    """What is not free on the track, which is the free region around the largest obstacle.
+
+    Returns:
+        0 in a free cell, _OUTSIDE, _CORE, and from 3 on for every other obstacle.
+    """
     if not grid.free.any():
         raise TrackError(f"{path}: is empty: no cell is free. Is `negate` right?")
     best, most = None, 0
     labels, number = ndimage.label(grid.free)  # pyright: ignore[reportGeneralTypeIssues]
     sizes = np.bincount(labels.ravel(), minlength=number + 1)
     for label in np.argsort(sizes[1:])[::-1][:8] + 1:
-        region = labels == label
-        holes, count = ndimage.label(~np.pad(region, 1), np.ones((3, 3)))  # pyright: ignore[reportGeneralTypeIssues]
+        holes, count = ndimage.label(~np.pad(labels == label, 1), np.ones((3, 3)))  # pyright: ignore[reportGeneralTypeIssues]
         areas = np.bincount(holes.ravel(), minlength=count + 1)
         areas[[0, holes[0, 0]]] = 0
         if areas.max() > most:
-            # Speckles inside the corridor are noise of the mapping.
-            solid = (holes == holes[0, 0]) | (holes == areas.argmax())
-            best, most = ~solid[1:-1, 1:-1], areas.max()
+            best, most = holes[1:-1, 1:-1], areas.max()
+            order = _order(holes, outside=int(holes[0, 0]), core=int(areas.argmax()), grid=grid)
     if best is None or most < _SMALLEST_OBSTACLE:
         raise TrackError(
             f"{path}: is not closed: no free region runs around an obstacle, so there is no lap. "
             "Are the walls in the picture without gaps, and free_thresh above the free cells?"
         )
-    if best[[0, -1]].any() or best[:, [0, -1]].any():
+    solid = order[best]
+    if any((edge != _OUTSIDE).any() for edge in (solid[0], solid[-1], solid[:, 0], solid[:, -1])):
         raise TrackError(f"{path}: is not closed: its free space reaches the picture's border.")
-    return best
+    return solid
 
 
-def _crop(grid: _Grid, ring: npt.NDArray[np.bool_]) -> tuple[_Grid, npt.NDArray[np.bool_]]:
+def _order(holes: Labels, *, outside: int, core: int, grid: _Grid) -> Labels:
+    """New label of every label: specks become free, the other obstacles come after the core."""
+    sides = [
+        max(rows.stop - rows.start, columns.stop - columns.start) * grid.resolution
+        for rows, columns in ndimage.find_objects(holes)
+    ]
+    order = np.zeros(len(sides) + 1, np.int32)
+    large = 1 + np.flatnonzero(np.array(sides) >= _SPECK)
+    others = large[(large != outside) & (large != core)]
+    order[others] = np.arange(len(others)) + _CORE + 1
+    order[[outside, core]] = _OUTSIDE, _CORE
+    return order
+
+
+def _crop(grid: _Grid, solid: Labels) -> tuple[_Grid, Labels]:
     """The part of a map that holds the track, with a border of one cell."""
-    rows, columns = np.flatnonzero(ring.any(axis=1)), np.flatnonzero(ring.any(axis=0))
+    free = solid == 0
+    rows, columns = np.flatnonzero(free.any(axis=1)), np.flatnonzero(free.any(axis=0))
     row, column = rows[0] - 1, columns[0] - 1
     part = np.s_[row : rows[-1] + 2, column : columns[-1] + 2]
     corner = grid.to_metres(np.array([[row - 0.5, column - 0.5]]))[0]
     origin = (float(corner[0]), float(corner[1]), grid.origin[2])
-    return _Grid(grid.free[part], grid.resolution, origin), ring[part]
+    return _Grid(grid.free[part], grid.resolution, origin), solid[part]
 
 
-def _outlines(grid: _Grid, ring: npt.NDArray[np.bool_]) -> list[Points]:
-    """The two walls, half-way between free and other cells."""
-    contours = measure.find_contours(ring.astype(float), 0.5)
-    longest = sorted(contours, key=len, reverse=True)[:2]
-    return [grid.to_metres(contour[:-1]) for contour in longest]
+def _outlines(grid: _Grid, solid: Labels) -> tuple[list[Points], Points]:
+    """All walls, half-way between free and other cells, and that of the core among them."""
+    contours = [line[:-1] for line in measure.find_contours((solid == 0).astype(float), 0.5)]
+    # A point of a contour is half-way between two cells, and one of these is free.
+    ends = np.array([line[0] for line in contours])
+    low, high = (solid[tuple(side(ends).astype(int).T)] for side in (np.floor, np.ceil))
+    loops = _simplified([grid.to_metres(line) for line in contours], grid.resolution)
+    return loops, loops[int(np.argmax(np.maximum(low, high) == _CORE))]
 
 
-def _middle(grid: _Grid, ring: npt.NDArray[np.bool_], path: Path) -> Points:
-    """The line that is equally far from both walls, counter-clockwise, smoothed.
+def _simplified(outlines: list[Points], tolerance: float) -> list[Points]:
+    """Walls of fewer points that still enclose something and do not cross.
 
-    It is the medial axis without its branches into corners.
+    Where a tolerance of a cell spoils a wall, it is halved: a thin wall must keep both its sides,
+    and a wall through another one would be taken for one of the free space's other side.
     """
-    solid, _ = ndimage.label(np.pad(~ring, 1, constant_values=True), np.ones((3, 3)))  # pyright: ignore[reportGeneralTypeIssues]
-    solid = solid[1:-1, 1:-1]
-    outer = solid[0, 0]
-    to_outer, to_inner = (
-        np.asarray(ndimage.distance_transform_edt(~part))
-        for part in (solid == outer, ~ring & (solid != outer))
-    )
-    contours = measure.find_contours(to_outer - to_inner, 0.0)
+    tolerances = np.full(len(outlines), tolerance)
+    while True:
+        loops = [simplify(*each) for each in zip(outlines, tolerances, strict=True)]
+        areas, exact = (np.array([*map(signed_area, each)]) for each in (loops, outlines))
+        owner = np.repeat(np.arange(len(loops)), [len(loop) for loop in loops])
+        met = crossings(np.concatenate([loop_segments(loop) for loop in loops]))
+        spoilt = np.union1d(np.flatnonzero(np.abs(areas - exact) > np.abs(exact) / 2), owner[met])
+        if not len(spoilt) or not tolerances[spoilt].any():
+            return loops
+        # Contours as they are, of steps of half a cell, do neither.
+        halved = tolerances[spoilt] / 2
+        tolerances[spoilt] = np.where(halved < tolerance / 8, 0, halved)
+
+
+def _middle(grid: _Grid, solid: Labels, path: Path) -> Points:
+    """The line that is equally far from the walls on both sides, counter-clockwise, smoothed.
+
+    It is the medial axis without its branches into corners. An obstacle in the corridor belongs to
+    the side that it is nearer to, so that the line passes it where there is more room.
+    """
+    to_outer, to_inner = (_distance(solid == label) for label in (_OUTSIDE, _CORE))
+    others = np.arange(_CORE + 1, solid.max() + 1)
+    if len(others):
+        gaps = [np.asarray(ndimage.minimum(each, solid, others)) for each in (to_outer, to_inner)]
+        inner = np.concatenate([[_CORE], others[gaps[1] < gaps[0]]])
+        to_inner = _distance(np.isin(solid, inner))
+        to_outer = _distance((solid > 0) & ~np.isin(solid, inner))
+    core = np.argwhere(solid == _CORE)[0].astype(float)
+    contours = [line[:-1] for line in measure.find_contours(to_outer - to_inner, 0.0)]
+    contours = [line for line in contours if turns_around(line, core)]
     if not contours:
         raise TrackError(f"{path}: is too narrow: its walls leave no line between them.")
-    line = grid.to_metres(max(contours, key=len)[:-1])
+    line = grid.to_metres(max(contours, key=len))
     length = closed_length(line)
     (line,) = resample(line, POINTS)
     # On a map of absurd scale the reach would pass the whole line.
@@ -223,6 +289,11 @@ def _middle(grid: _Grid, ring: npt.NDArray[np.bool_], path: Path) -> Points:
     line = np.asarray(ndimage.gaussian_filter1d(line, sigma, axis=0, mode="wrap"))
     line = line if signed_area(line) > 0 else line[::-1]
     return np.roll(line, -int(np.hypot(*line.T).argmin()), axis=0)
+
+
+def _distance(part: npt.NDArray[np.bool_]) -> Points:
+    """Cells from every cell to the nearest one of a part."""
+    return np.asarray(ndimage.distance_transform_edt(~part))
 
 
 def _read_centre_line(path: Path) -> Points:
