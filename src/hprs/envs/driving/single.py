@@ -114,7 +114,7 @@ def draw_key(generator: np.random.Generator) -> np.ndarray:
     return generator.integers(0, 2**32, 2, np.uint32)
 
 
-@jax.jit
+@as_one_kernel
 def _reset(simulation: Simulation, key: Array) -> Array:
     episode, observation, signals = simulation.reset(jax.random.wrap_key_data(key))
     zero = jnp.zeros((), observation.dtype)
