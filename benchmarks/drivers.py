@@ -5,7 +5,8 @@
 One line is one driver on one track in one direction: 100 random starts, keys 0 to 99, with the
 benchmark's own randomisation and horizon. S, S+T, S+T+C and PAM are those of `hprs evaluate`;
 behind them stands the fraction of steps in which each comfort requirement holds, as a mean over all
-episodes, and their mean length. TRACK is a built-in one, `random:SEED` or a map's YAML file.
+episodes, and their mean length. Of the follower there is a second line: what its leaders do, and
+what they leave to any driver. TRACK is a built-in one, `random:SEED` or a map's YAML file.
 """
 
 from __future__ import annotations
@@ -29,14 +30,20 @@ from hprs.carsim.actuators import MAX_SPEED_COMMAND, Command
 from hprs.carsim.drivers import PursuitParameters, follow, pursue
 from hprs.carsim.leader import LeaderParameters, follow_the_gap
 from hprs.carsim.lidar import beam_angles
-from hprs.carsim.race import lead_distance
+from hprs.carsim.race import CONTROL_STEP, lead_distance
 from hprs.carsim.selection import selected
 from hprs.carsim.track import Track, stack_tracks
 from hprs.envs import functional, task_of
 from hprs.envs.driving.simulation import SPEED_CHANGE, Episode, Simulation
+from hprs.spec.printer import format_expression
 
 SAFE, FOLLOW = "hprs/SafeDriving-v0", "hprs/FollowLeader-v0"
 STARTS = 100
+UNDER_WAY = 20
+"""Control steps after which every leader has the speed at which it goes on."""
+OBEYED = 1.43
+"""Speed over command of the car that exceeds its commands most: what `ceilings` grants."""
+CONSTANTS = {each.name: float(format_expression(each.value)) for each in task_of(FOLLOW).constants}
 FAST = PursuitParameters(top_speed=2.7, lateral_acceleration=4.0)
 """2 m/s and more in every bend of the built-in tracks."""
 GAP = LeaderParameters(base_speed=1.5, variable_speed=1.0)
@@ -117,6 +124,32 @@ def played(
     return trace, counts.sum()
 
 
+def ceilings(traces: dict[str, Array], lengths: Array, lap: float) -> str:
+    """What leaders do, and what they leave to any driver on the centre line.
+
+    Too far behind, it drives as fast as the fastest car can be told to, whatever the bend; too
+    close, it stands.
+    """
+    far, close, speeds, starts = [], [], [], []
+    low, high = (CONSTANTS[name] for name in ("distance_min", "distance_max"))
+    for row, length in enumerate(lengths):
+        behind = -traces["lead_distance"][row, : length + 1]
+        leader = behind + lap * traces["progress"][row, : length + 1]
+        command = np.minimum(MAX_SPEED_COMMAND, SPEED_CHANGE * np.arange(length + 1))
+        reached = np.cumsum(OBEYED * command) * CONTROL_STEP
+        far.append(np.mean((leader - reached <= -low)[1:]))
+        close.append(np.mean((leader >= -high)[1:]))
+        speeds.append(np.diff(leader)[UNDER_WAY:] / CONTROL_STEP)
+        starts.append(-high <= behind[0] <= -low)
+    mean = [each.mean() for each in speeds]
+    return (
+        f"of which leaders: {min(mean):.1f} to {max(mean):.1f} m/s, at most "
+        f"{max(each.max() for each in speeds):.1f} m/s; starts within both limits "
+        f"{np.mean(starts):.2f}; not_too_far up to {np.mean(far):.2f}, "
+        f"not_too_close up to {np.mean(close):.2f}"
+    )
+
+
 def measure(name: str, tracks: list[str]) -> None:
     """Print the lines of one benchmark."""
     task = task_of(name)
@@ -158,6 +191,8 @@ def measure(name: str, tracks: list[str]) -> None:
                 sep=" | ",
                 flush=True,
             )
+            if driver == "follower":
+                print(ceilings(traces, lengths, float(one.length[0])), flush=True)
 
 
 if __name__ == "__main__":
