@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import tracemalloc
+import warnings
 from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from PIL import Image
 from scipy import ndimage
 
 from hprs.carsim import track as tracks
@@ -280,10 +283,115 @@ def test_a_file_that_is_no_map_is_named(tmp_path, text, message):
         load_map(path)
 
 
-def test_a_picture_that_cannot_be_read_is_named(gm_map):
-    (gm_map.parent / "map.png").write_bytes(b"\x89PNG nonsense")
+@pytest.mark.parametrize("text", [f"1{'0' * 400}", "9" * 5000, "!!bool x", "!!timestamp x"])
+def test_a_value_that_no_number_holds_is_one_error(tmp_path, text):
+    for field in ("resolution", "negate", "free_thresh"):
+        path = write_map(tmp_path, np.zeros((4, 4), bool), **{field: text})
+        with pytest.raises(
+            TrackError, match=r"map\.yaml: (is not YAML|a whole number in it is too)"
+        ):
+            load_map(path)
+
+
+def damaged(data: bytes, generator) -> bytes:
+    """A file with some bytes changed, missing or added, seldom in its head."""
+    changed = bytearray(data)
+    for _ in range(generator.integers(1, 4)):
+        at = int(generator.integers(len(changed) if generator.random() < 0.5 else 60))
+        match generator.integers(4):
+            case 0:
+                changed[at] = generator.integers(256)
+            case 1:
+                del changed[at : at + int(generator.integers(1, 20))]
+            case 2:
+                changed[at:at] = generator.bytes(int(generator.integers(1, 20)))
+            case _:
+                del changed[max(at, 70) :]
+    return bytes(changed)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".pgm", ".bmp"])
+def test_a_damaged_picture_is_a_map_or_one_error(tmp_path, suffix):
+    # A map that is empty: whatever still is a picture is refused as well, with its reason.
+    path = write_map(tmp_path, np.zeros((40, 50), bool), suffix=suffix)
+    picture = tmp_path / f"map{suffix}"
+    data, generator = picture.read_bytes(), np.random.default_rng(0)
+    texts = [b"", data[:40], b"P5 50 x 255\n", b"P5 50 40 0\n", b"P5 99999999 99999999 255\n"]
+    texts += [b"P2 2 2 255 1 2 x 4", b"\x89PNG nonsense"]
+    texts += [damaged(data, generator) for _ in range(200)]
+    for text in texts:
+        picture.write_bytes(text)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            with pytest.raises(TrackError, match=r"is not a picture|is empty|is not closed|cells"):
+                load_map(path)
+
+
+def test_a_broken_png_is_named(tmp_path):
+    path = write_map(tmp_path, np.zeros((40, 50), bool))
+    picture = tmp_path / "map.png"
+    # The second chunk's name: Pillow's own error is a SyntaxError.
+    picture.write_bytes(picture.read_bytes().replace(b"IDAT", b"I\x00AT"))
     with pytest.raises(TrackError, match=r"map\.png: is not a picture that can be read"):
-        load_map(gm_map)
+        load_map(path)
+
+
+def is_free(folder, image: Image.Image, name: str = "map.png", **changes) -> bool:
+    """Whether the only cell of a map is free: either way it is refused, for different reasons."""
+    path = write_map(folder, np.zeros((1, 1), bool), suffix=".bmp", image=name, **changes)
+    image.save(folder / name)
+    with pytest.raises(TrackError, match=r"is empty|is not closed") as caught:
+        load_map(path)
+    return "is not closed" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("pixels", "mode", "changes", "free"),
+    [
+        # In percent: free_thresh is 0.196, and from 101 on nothing is known.
+        ([0, 19, 20, 100, 101, 255], "L", {"mode": "raw"}, [True, True, False, False, False, False]),
+        ([0, 50, 51, 100], "L", {"mode": "raw", "free_thresh": 0.5}, [True, True, False, False]),
+        # Occupancy is 1 - shade / 255, and free is below 0.196: from a shade of 206 on.
+        ([205, 206, 255], "L", {}, [False, True, True]),
+        ([49, 50, 0], "L", {"negate": 1}, [True, False, True]),
+        ([205 * 257, 206 * 257, 52_690, 65_535, 0], "I;16", {}, [False, True, False, True, False]),
+        ([0, 12_000, 13_000], "I;16", {"negate": 1}, [True, True, False]),
+        ([(255, 255), (255, 0), (255, 1), (0, 255)], "LA", {}, [True, False, True, False]),
+        ([(255, 255), (0, 0), (0, 255)], "LA", {"negate": 1}, [False, False, True]),
+        ([(0, 255), (0, 0)], "LA", {"mode": "raw"}, [True, False]),
+        ([(255, 255, 255, 255), (255, 255, 255, 0), (255, 255, 0, 255)], "RGBA", {}, [True, False, False]),
+        ([(255, 255, 255), (210, 206, 202), (208, 205, 202)], "RGB", {}, [True, True, False]),
+        ([0, 1], "1", {}, [False, True]),
+    ],
+)  # fmt: skip
+def test_shades_are_free_by_mode_depth_and_transparency(tmp_path, pixels, mode, changes, free):
+    images = [Image.new(mode, (1, 1), pixel) for pixel in pixels]
+    assert [is_free(tmp_path, image, **changes) for image in images] == free
+
+
+def test_a_16_bit_pgm_and_a_transparent_shade_are_read(tmp_path):
+    for shade, free in ((205 * 257, False), (65_535, True), (0, False)):
+        deep = Image.fromarray(np.full((1, 1), shade, np.uint16))
+        assert is_free(tmp_path, deep, "map.pgm") == free
+    for shade, free in ((254, False), (255, True)):
+        grey = Image.new("L", (1, 1), shade)
+        grey.save(tmp_path / "see.png", transparency=254)
+        with Image.open(tmp_path / "see.png") as picture:
+            assert is_free(tmp_path, picture) == free
+
+
+def test_a_large_picture_is_read_in_small_types(tmp_path):
+    cells = 4_000_000
+    Image.new("RGBA", (2000, 2000), (255, 255, 255, 0)).save(tmp_path / "map.png")
+    path = write_map(tmp_path, np.zeros((4, 4), bool), suffix=".bmp", image="map.png")
+    tracemalloc.start()
+    try:
+        with pytest.raises(TrackError, match="is empty"):
+            load_map(path)
+        # Four bytes a cell for the picture itself, two for its shades, one for what is free.
+        assert tracemalloc.get_traced_memory()[1] < 12 * cells
+    finally:
+        tracemalloc.stop()
 
 
 @pytest.mark.parametrize(

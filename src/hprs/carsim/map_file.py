@@ -10,6 +10,8 @@ Source: wiki.ros.org/map_server (version 0, modes trinary and scale).
 
 from __future__ import annotations
 
+import struct
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,7 +34,7 @@ from hprs.errors import MissingExtraError, TrackError
 
 try:
     import yaml
-    from PIL import Image, UnidentifiedImageError
+    from PIL import Image
     from scipy import ndimage
     from skimage import measure
 except ModuleNotFoundError as error:
@@ -50,6 +52,13 @@ _SMOOTHING = 0.3
 """Reach of the smoothing of a centre line that was read from the grid, in m."""
 
 
+_NOT_YAML = (yaml.YAMLError, ValueError, KeyError, IndexError, AttributeError, RecursionError)
+"""What PyYAML raises: tagged scalars such as `!!bool x` fail in the types' own constructors."""
+_NO_PICTURE = (
+    OSError, SyntaxError, ValueError, TypeError, LookupError, ArithmeticError, EOFError,
+    NotImplementedError, struct.error, zlib.error, Image.DecompressionBombError,
+)  # fmt: skip
+"""What Pillow raises of a damaged picture, by format and place of the damage."""
 Labels = npt.NDArray[np.int32]
 
 
@@ -130,12 +139,17 @@ def _read_map(path: Path) -> _Grid:
     mode = fields.get("mode", "trinary")
     if mode not in ("trinary", "scale", "raw"):
         raise TrackError(f"{path}: mode is '{mode}'; expected trinary, scale or raw.")
-    shade = _read_picture(path.parent / str(fields["image"]), path)
+    shade, white = _read_picture(path.parent / str(fields["image"]), path)
+    # By shade, not by cell: a map has up to 100 million cells and few shades.
+    share = np.arange(white + 1) / white
     if mode == "raw":
         # Whole numbers are the occupancy in percent; from 101 on they mean unknown.
-        return _Grid(shade <= 100 * free, resolution, (x, y, yaw))
-    occupancy = shade / 255 if negate else 1 - shade / 255
-    return _Grid(occupancy < free, resolution, (x, y, yaw))
+        is_free = 255 * share <= 100 * free
+    else:
+        is_free = (share if negate else 1 - share) < free
+    # What is transparent is unknown, in every mode.
+    is_free = np.append(is_free, False)
+    return _Grid(is_free[shade], resolution, (x, y, yaw))
 
 
 def _read_yaml(path: Path) -> dict[str, Any]:
@@ -143,28 +157,38 @@ def _read_yaml(path: Path) -> dict[str, Any]:
         fields = yaml.safe_load(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise TrackError(f"{path}: cannot be read: {error.strerror}.") from None
-    except (yaml.YAMLError, UnicodeDecodeError):
+    except _NOT_YAML:
         raise TrackError(f"{path}: is not YAML. A map is named by its YAML file.") from None
     if not isinstance(fields, dict):
         raise TrackError(f"{path}: holds no fields; a map_server file has {', '.join(_FIELDS)}.")
     return fields
 
 
-def _read_picture(path: Path, source: Path) -> npt.NDArray[np.float64]:
-    """Shades 0 (black) to 255, the lowest row first."""
+def _read_picture(path: Path, source: Path) -> tuple[npt.NDArray[np.unsignedinteger], int]:
+    """Shades, the lowest row first, and which one is white; one more where it is transparent."""
     try:
         with Image.open(path) as picture:
-            if picture.width * picture.height > _MOST_CELLS:
-                raise TrackError(f"{path}: has more than {_MOST_CELLS:,} cells.")
-            if picture.mode.startswith("I"):
-                return np.asarray(picture, float)[::-1] / 257
-            bands = np.asarray(picture.convert("RGBA"), float)
+            if picture.width * picture.height <= _MOST_CELLS:
+                shade, white = _shades(picture)
+                return shade[::-1], white
     except FileNotFoundError:
         raise TrackError(f"{source}: names the picture {path}, which does not exist.") from None
-    except (OSError, UnidentifiedImageError, Image.DecompressionBombError):
+    except _NO_PICTURE:
         raise TrackError(f"{path}: is not a picture that can be read (PNG or PGM).") from None
-    # What is transparent is unknown, in every mode.
-    return np.where(bands[..., 3] > 0, bands[..., :3].mean(axis=-1), np.nan)[::-1]
+    raise TrackError(f"{path}: has more than {_MOST_CELLS:,} cells.")
+
+
+def _shades(picture: Image.Image) -> tuple[npt.NDArray[np.unsignedinteger], int]:
+    """Shades of a picture in its smallest type, and which one is white."""
+    if picture.mode.startswith("I"):
+        # Pillow reads 16 bits as 16 or 32.
+        return np.clip(np.asarray(picture), 0, 65535).astype(np.uint16), 65535
+    if picture.mode == "L" and "transparency" not in picture.info:
+        return np.asarray(picture), 255
+    bands = np.asarray(picture.convert("RGBA"))
+    shade = bands[..., :3].sum(axis=-1, dtype=np.uint16)
+    shade[bands[..., 3] == 0] = 3 * 255 + 1
+    return shade, 3 * 255
 
 
 def _pose(origin: object, path: Path) -> list[object]:
@@ -174,8 +198,15 @@ def _pose(origin: object, path: Path) -> list[object]:
 
 
 def _number(value: object, path: Path) -> float:
-    if isinstance(value, (int, float)) and not isinstance(value, bool) and np.isfinite(value):
-        return float(value)
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        try:
+            number = float(value)
+        except OverflowError:
+            raise TrackError(
+                f"{path}: a whole number in it is too large to mean a place."
+            ) from None
+        if np.isfinite(number):
+            return number
     raise TrackError(f"{path}: {value!r} stands where a number is expected.")
 
 
@@ -187,25 +218,31 @@ def _solid(grid: _Grid, path: Path) -> Labels:
     """
     if not grid.free.any():
         raise TrackError(f"{path}: is empty: no cell is free. Is `negate` right?")
-    best, most = None, 0
-    labels, number = ndimage.label(grid.free)  # pyright: ignore[reportGeneralTypeIssues]
-    sizes = np.bincount(labels.ravel(), minlength=number + 1)
+    solid, most = None, 0
+    labels = _regions(grid.free, diagonally=False)
+    sizes = np.bincount(labels.ravel())
     for label in np.argsort(sizes[1:])[::-1][:8] + 1:
-        holes, count = ndimage.label(~np.pad(labels == label, 1), np.ones((3, 3)))  # pyright: ignore[reportGeneralTypeIssues]
-        areas = np.bincount(holes.ravel(), minlength=count + 1)
+        holes = _regions(~np.pad(labels == label, 1), diagonally=True)
+        areas = np.bincount(holes.ravel())
         areas[[0, holes[0, 0]]] = 0
         if areas.max() > most:
-            best, most = holes[1:-1, 1:-1], areas.max()
+            most = areas.max()
             order = _order(holes, outside=int(holes[0, 0]), core=int(areas.argmax()), grid=grid)
-    if best is None or most < _SMALLEST_OBSTACLE:
+            solid = order[holes[1:-1, 1:-1]]
+    if solid is None or most < _SMALLEST_OBSTACLE:
         raise TrackError(
             f"{path}: is not closed: no free region runs around an obstacle, so there is no lap. "
             "Are the walls in the picture without gaps, and free_thresh above the free cells?"
         )
-    solid = order[best]
     if any((edge != _OUTSIDE).any() for edge in (solid[0], solid[-1], solid[:, 0], solid[:, -1])):
         raise TrackError(f"{path}: is not closed: its free space reaches the picture's border.")
     return solid
+
+
+def _regions(flags: npt.NDArray[np.bool_], *, diagonally: bool) -> Labels:
+    """A label from 1 on for each set of joined cells, 0 elsewhere."""
+    labels, _ = ndimage.label(flags, np.ones((3, 3)) if diagonally else None)  # pyright: ignore[reportGeneralTypeIssues]
+    return np.asarray(labels, np.int32)
 
 
 def _order(holes: Labels, *, outside: int, core: int, grid: _Grid) -> Labels:
