@@ -64,16 +64,18 @@ def show(label: str, rate: float, ratio: float) -> None:
 
 
 def one_environment() -> Callable[[], int]:
-    """A wrapped environment that drives straight on, resets included."""
+    """A wrapped environment with random actions, as the yardstick's are; resets included."""
     env = hprs.wrap(gym.make(ENVIRONMENT, disable_env_checker=True), TASK, reward="hprs")
     env.reset(seed=0)
+    env.action_space.seed(0)
+    actions = [env.action_space.sample() for _ in range(1_000)]
 
     def step() -> int:
-        for _ in range(100):
-            _, _, terminated, truncated, _ = env.step(AHEAD)
+        for action in actions:
+            _, _, terminated, truncated, _ = env.step(action)
             if terminated or truncated:
                 env.reset()
-        return 100
+        return len(actions)
 
     return step
 
