@@ -13,6 +13,7 @@ import pytest
 from PIL import Image
 from scipy import ndimage
 
+from hprs.carsim import map_file
 from hprs.carsim import track as tracks
 from hprs.carsim.collision import touches_wall
 from hprs.carsim.construction import turns_around
@@ -428,3 +429,73 @@ def test_a_wrong_centre_line_gives_one_error(gm_map, tmp_path, edit, message):
     with pytest.raises(TrackError, match=message) as caught:
         load_map(gm_map, centre_line=path)
     assert str(path) in str(caught.value)
+
+
+def heading(head: str, row: str, points: int = 60) -> str:
+    """A file of a circle with a radius of 1.8 m round (4, 3)."""
+    angle = np.linspace(0, 2 * np.pi, points, endpoint=False)
+    rows = [row.format(x=4 + 1.8 * np.cos(a), y=3 + 1.8 * np.sin(a), s=1.8 * a) for a in angle]
+    return "\n".join([head, *rows] if head else rows) + "\n"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        heading("", "{x},{y}"),
+        heading("", "\ufeff{x},{y}").replace("\n\ufeff", "\n"),
+        heading("\ufeffx_m,y_m", "{x},{y}"),
+        heading("s;x;y", "{s};{x};{y}"),
+        heading("# 3f2c1ab\n# made for a test\n# s_m; x_m; y_m; vx", "{s}; {x}; {y}; 1"),
+        heading("# made for a test, by hand, in 2024", "{x},{y}"),
+        heading('"Y","X"', '"{y}","{x}",'),
+        heading("y_m,x_m", "{y},{x}\n"),
+    ],
+    ids=[
+        "bare",
+        "mark",
+        "mark and head",
+        "x and y",
+        "raceline",
+        "comment",
+        "quoted",
+        "blank lines",
+    ],
+)
+def test_every_way_to_write_a_centre_line_gives_the_same_points(tmp_path, monkeypatch, text):
+    line = tmp_path / "line.csv"
+    line.write_bytes(text.encode())
+    given = []
+    monkeypatch.setattr(map_file, "construct_track", lambda centre, *_, **__: given.append(centre))
+    load_map(write_map(tmp_path, hall(CORE)), centre_line=line)
+    (points,) = given
+    assert points.shape == (60, 2)
+    np.testing.assert_allclose(np.hypot(*(points - [4, 3]).T), 1.8)
+    np.testing.assert_allclose(points[0], [5.8, 3.0])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            heading("s;lat;lon", "{s};{x};{y}"),
+            "names the columns s, lat, lon; a centre line has x_m",
+        ),
+        (heading("# a, b", "{x},{y}"), "names the columns a, b; a centre line has x_m and y_m"),
+        (
+            heading("x_m;y_m", "{x};{y}").replace(".", ","),
+            r":2: .* have decimal commas; write points",
+        ),
+        (heading("", "{x};{y}").replace(".", ","), r":1: .* have decimal commas; write points"),
+        (heading("x_m,y_m", "{x},{y}").replace(".", ","), r":2: has 4 cells under 2 names"),
+        (heading("x_m,y_m", "{x},{y}") + "end,1\n", r":62: a row lacks a number in .* x_m and y_m"),
+        (heading("x_m,y_m", "{x},{y}") + "a,b\n", r":62: a row lacks a number"),
+        (heading("", "{x} {y}"), "holds 0 points"),
+        (heading("", "{x}"), ":1: a row lacks a number in the columns 1 and 2"),
+    ],
+)
+def test_columns_that_cannot_be_told_are_refused(gm_map, tmp_path, text, message):
+    line = tmp_path / "line.csv"
+    line.write_text(text)
+    with pytest.raises(TrackError, match=message) as caught:
+        load_map(gm_map, centre_line=line)
+    assert str(line) in str(caught.value)

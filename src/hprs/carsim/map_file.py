@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from hprs.carsim.centre_line import read_centre_line
 from hprs.carsim.construction import construct_track, turns_around
 from hprs.carsim.geometry import (
     Points,
@@ -109,7 +110,7 @@ def load_map(
         name = str(path)
     else:
         name = f"{path} with {centre_line}"
-        centre = _read_centre_line(Path(centre_line))
+        centre = read_centre_line(Path(centre_line))
     return construct_track(
         centre,
         loops,
@@ -331,40 +332,3 @@ def _middle(grid: _Grid, solid: Labels, path: Path) -> Points:
 def _distance(part: npt.NDArray[np.bool_]) -> Points:
     """Cells from every cell to the nearest one of a part."""
     return np.asarray(ndimage.distance_transform_edt(~part))
-
-
-def _read_centre_line(path: Path) -> Points:
-    """The points of a centre line's file, (P, 2)."""
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except OSError as error:
-        raise TrackError(f"{path}: cannot be read: {error.strerror}.") from None
-    except UnicodeDecodeError:
-        raise TrackError(f"{path}: is not text; expected CSV with the columns x_m, y_m.") from None
-    rows = [line.replace(";", ",").split(",") for line in lines if line.strip()]
-    # The last line before the numbers names the columns.
-    heads = [[cell.strip(" #") for cell in row] for row in rows if not _is_number(row[0])]
-    names = heads[-1] if heads else []
-    x, y = (names.index("x_m"), names.index("y_m")) if {"x_m", "y_m"} <= set(names) else (0, 1)
-    try:
-        points = np.array([(float(row[x]), float(row[y])) for row in rows if _is_number(row[0])])
-    except (ValueError, IndexError):
-        raise TrackError(f"{path}: a row lacks a number in the columns x_m and y_m.") from None
-    if len(points) < 8:
-        raise TrackError(f"{path}: holds {len(points)} points; a closed centre line needs 8.")
-    if np.array_equal(points[0], points[-1]):
-        points = points[:-1]
-    gaps = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
-    if gaps[-1] > 10 * np.median(gaps):
-        raise TrackError(
-            f"{path}: is not closed: its last point is {gaps[-1]:.2f} m from its first one."
-        )
-    return points
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
