@@ -240,7 +240,7 @@ def a_ring_of_one_cell():
         (cut(FREE), {}, "is not closed: no free region runs around an obstacle"),
         (narrow(FREE), {}, r"a wall is 0\.\d\d m from its centre line near"),
         (FREE[15:], {}, "its free space reaches the picture's border"),
-        (FREE, {"resolution": 0.001}, r"is 0\.4\d+ m long, which is not within 5 m and 500 m"),
+        (FREE, {"resolution": 0.001}, r"is 0\.4\d+ m long, which is not within 5 m and 1000 m"),
         (FREE, {"resolution": 50}, "resolution is 50 m a cell; expected 0.001 to 1"),
         (FREE, {"resolution": "wide"}, "'wide' stands where a number is expected"),
         (FREE, {"resolution": None}, "lacks resolution; a map_server file has them"),

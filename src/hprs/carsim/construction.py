@@ -26,9 +26,9 @@ NARROWEST = 0.4
 """Smallest distance between the walls of a track in m; the car is 0.31 m wide."""
 SHORTEST = 5.0
 """Smallest length of a track in m: a circle around which the car's smallest turn fits."""
-LONGEST = 500.0
-"""Largest length of a track in m: there, the points of a centre line are half a metre apart. Chords
-much longer than that cut the tightest bends, and progress would no longer be an arc length."""
+LONGEST = 1000.0
+"""Largest length of a track in m, enough for Formula 1's at 1:10: there, the points of a centre line
+are a metre apart. Longer chords would cut the tightest bends, and progress be no arc length."""
 FURTHEST = 10_000.0
 """Largest coordinate of a track in m: there, numbers of 32 bits are a millimetre apart."""
 
