@@ -27,8 +27,8 @@ NARROWEST = 0.4
 SHORTEST = 5.0
 """Smallest length of a track in m: a circle around which the car's smallest turn fits."""
 LONGEST = 1000.0
-"""Largest length of a track in m, enough for Formula 1's at 1:10: there, the points of a centre line
-are a metre apart. Longer chords would cut the tightest bends, and progress be no arc length."""
+"""Largest length of a track in m, enough for Formula 1's at 1:10: there, the points of a centre
+line are a metre apart. Longer chords cut the tightest bends: progress would be no arc length."""
 FURTHEST = 10_000.0
 """Largest coordinate of a track in m: there, numbers of 32 bits are a millimetre apart."""
 
