@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from hprs.cli.trace_columns import Wanted
 from hprs.cli.trace_csv import csv_chunks
 from hprs.errors import UsageError, did_you_mean
-from hprs.spec.task import Task
 
 PARQUET, BAG = (".parquet", ".pq"), (".bag", ".mcap", ".db3")
 """Endings of files that are not CSV; a rosbag of ROS 2 can be a folder, too."""
@@ -62,16 +58,6 @@ def open_trace(path: Path, wanted: Wanted) -> Recording:
 def is_bag(path: Path) -> bool:
     """Whether a file or a folder is a rosbag, by its name or by what lies in it."""
     return path.suffix in BAG or (path / "metadata.yaml").exists()
-
-
-def read_trace(path: Path, task: Task) -> Mapping[str, npt.NDArray[np.float64]]:
-    """The signals of a whole trace; of those that no requirement needs, what the file has.
-
-    Raises:
-        UsageError, TraceError: See `open_trace`.
-    """
-    chunks = list(open_trace(path, Wanted(task)).chunks)
-    return {name: np.concatenate([chunk[name] for chunk in chunks]) for name in chunks[0]}
 
 
 def _require(path: Path) -> None:
