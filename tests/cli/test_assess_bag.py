@@ -158,7 +158,39 @@ def test_a_topic_that_is_missing_makes_unknown_what_needs_it(assess, here, ros):
     ))  # fmt: skip
     code, found = assess(path, "--ticks", "/cmd", "--missing", "unknown", *options)
     assert (code, found["pam"], found["safe"], found["target"]) == (0, None, None, True)
-    assert found["unknown"] == ["clear"]
+    # The first ticks count: what the last action was is unknown in s_1.
+    assert found["unknown"] == ["clear", "smooth"]
+    assert (found["steps"], "notes" in found) == (4, False)
+
+
+LATE = """signal d in [0, 9]
+signal v in [0, 5]
+signal p[2] in [0, 1]
+ensure clear: d >= 1
+encourage slow: v <= 2 and max(p) <= 1
+"""
+
+
+def test_what_is_not_heard_yet_is_missing_as_an_empty_cell_is(assess, here, ros):
+    (here / "late.hprs").write_text(LATE)
+    rows = [(0.5, None, None), (2.0, None, None), (2.0, 1.0, (0.0, 1.0)), (2.0, 1.0, (0.0, 1.0))]
+    number = {d: ros.make("std_msgs/msg/Float64", data=d) for d in (0.5, 1.0, 2.0)}
+    messages = [(i + 1.0, "/d", number[d]) for i, (d, _, _) in enumerate(rows)]
+    scan = ros.scan(*rows[-1][2])
+    bag = ros.write(here, [*messages, (2.5, "/v", number[1.0]), (2.5, "/scan", scan)])
+    cells = [(d, v, *(p or (None, None))) for d, v, p in rows]
+    lines = [",".join("" if cell is None else str(cell) for cell in row) for row in cells]
+    (here / "log.csv").write_text("\n".join(["d,v,p[0],p[1]", *lines]))
+    options = ("--task", "late.hprs", "--missing", "unknown")
+    code, expected = assess(here / "log.csv", *options)
+    assert (code, expected["safe"], expected["unknown"]) == (0, False, ["slow"])
+    bag_options = ("--ticks", "/d", "--column", "p=/scan.ranges")
+    code, found = assess(bag, *options, *bag_options)
+    assert code == 0, found
+    assert {**found, "trace": ""} == {**expected, "trace": ""}
+    # Without the ticks at which only the distance was known, the rest is safe.
+    code, found = assess(bag, "--task", "late.hprs", *bag_options)
+    assert (code, found["safe"], found["steps"]) == (0, True, 1)
 
 
 def test_a_signal_of_its_own_topic_needs_no_column(assess, here, ros):
@@ -223,7 +255,12 @@ def test_a_bag_that_cannot_be_assessed_says_why(assess, here):
         assess(here / "nan.bag", *options)[1] == "nan.bag: '/scan.ranges' is NaN at 0.500000000 s."
     )
     code, found = assess(here / "nan.bag", *options, "--missing", "unknown")
-    assert (code, found["unknown"]) == (0, ["clear"])
+    assert (code, found["unknown"]) == (0, ["clear", "smooth"])
+    path = Messages(1).write(nan, drive(short)[:3])
+    code, message = assess(path.rename(here / "one.bag"), *options, "--missing", "unknown")
+    assert message == (
+        "one.bag has 1 tick of /cmd; it needs the initial state and at least one step."
+    )
 
 
 def test_there_is_no_such_bag(hprs, here):

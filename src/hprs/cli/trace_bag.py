@@ -2,7 +2,8 @@
 
 A field of a topic's messages is a column, as `/odom.twist.twist.linear.x` or `/scan.ranges[3]`; a
 signal `v` without another column is `/v.data`, as of the messages of std_msgs. A state is what was
-last heard of every column at a tick, or before it: the time a message was recorded counts.
+last heard of every column at a tick, or before it: the time a message was recorded counts. What was
+not heard yet is NaN where missing values are allowed; elsewhere such ticks are left out.
 
 What a task reads from `action` is the action that led to a state. Where it is a column of the topic
 of the ticks, that is the message before the tick; `last_action` is one tick earlier still.
@@ -10,6 +11,7 @@ of the ticks, that is the message before the tick; `last_action` is one tick ear
 
 from __future__ import annotations
 
+import math
 import re
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -107,8 +109,9 @@ class _States:
                 yield self._chunk(rows)
                 rows = []
         if count < 2:
-            ticks = plural(count, "tick")
-            raise too_short(self._path, f"{ticks} of {self.ticks} with a value of every signal")
+            ticks = f"{plural(count, 'tick')} of {self.ticks}"
+            complete = "" if self._wanted.missing == "unknown" else " with a value of every signal"
+            raise too_short(self._path, ticks + complete)
         if rows:
             yield self._chunk(rows)
 
@@ -147,9 +150,19 @@ class _States:
             yield from self._row(ticks)
 
     def _row(self, ticks: deque[Mapping[str, Any]]) -> Iterator[Sequence[Any]]:
-        try:
-            yield [ticks[-1 - read.lag][read.column] for read in self._reads]
-        except (KeyError, IndexError):
+        row = [
+            ticks[-1 - read.lag].get(read.column) if read.lag < len(ticks) else None
+            for read in self._reads
+        ]
+        if all(value is not None for value in row):
+            yield row
+        elif self._wanted.missing == "unknown":
+            # What was heard may be a violation already.
+            yield [
+                _nothing(read.signal) if value is None else value
+                for read, value in zip(self._reads, row, strict=True)
+            ]
+        else:
             self._skipped += 1
 
     def _ticks(self) -> str:
@@ -216,6 +229,11 @@ class _States:
         if self._wanted.missing == "error" and np.isnan(number).any():
             raise TraceError(f"{self._path}: '{read.column}' is NaN at {stamp / 1e9:.9f} s.")
         return number if length is not None else float(number)
+
+
+def _nothing(signal: Signal) -> Any:
+    """The value of a signal that was not heard yet."""
+    return math.nan if signal.length is None else np.full(signal.length, math.nan)
 
 
 def _walk(
