@@ -158,6 +158,20 @@ def test_time_stamps_can_have_another_name_or_none(hprs, here):
     assert hprs(*call, "--time", "")[0] == 0
 
 
+@pytest.mark.parametrize("first", [1_700_000_000_000_000_000, 0])
+def test_nanoseconds_are_compared_as_integers(hprs, here, first):
+    stamps = [first + 100 * row for row in range(3)]
+    lines = [f"{stamp},1,2,3" for stamp in stamps]
+    (here / "trace.csv").write_text("\n".join(["time,x,v,theta", *lines]))
+    assert hprs("assess", "trace.csv", "--task", "hprs/CartPole-v0")[0] == 0
+    (here / "trace.csv").write_text("\n".join(["time,x,v,theta", *lines, lines[2]]))
+    assert hprs("assess", "trace.csv", "--task", "hprs/CartPole-v0") == (
+        1,
+        "",
+        f"hprs: trace.csv:5: time stamps must increase, but 'time' is {stamps[2]} after {stamps[2]}.\n",
+    )
+
+
 def test_a_signal_named_as_time_is_no_time_stamp(hprs, here):
     (here / "left.hprs").write_text("signal t in [0, 9]\nensure in_time: t >= 1\n")
     (here / "trace.csv").write_text("t\n3\n2\n1\n")

@@ -68,10 +68,15 @@ def test_a_file_is_read_in_pieces(assess, monkeypatch):
         ({"d": D, "v": [1.0, None, 2.0]}, "log.parquet, row 2: column 'v' is empty."),
         ({"d": D, "v": [1.0, 2.0, float("nan")]}, "log.parquet, row 3: column 'v' is NaN."),
         ({"d": [[1.0, 1.0], [1.0], [1.0, 1.0]], "v": [1, 1, 1]}, "log.parquet, row 2: column 'd' has 1 component, the signal 2."),
-        ({"d": [[1.0, 1.0], None], "v": [1, 1]}, "log.parquet, row 2: column 'd' is empty, the signal 2."),
+        ({"d": [[1.0, 1.0], None], "v": [1, 1]}, "log.parquet, row 2: column 'd' is empty."),
+        ({"d": pa.array([[1.0, 1.0], None], pa.list_(pa.float64(), 2)), "v": [1, 1]}, "log.parquet, row 2: column 'd' is empty."),
+        ({"d": [None, None], "v": [1, 1]}, "log.parquet, row 1: column 'd' is empty."),
+        ({"d": D, "v": [None, None, None]}, "log.parquet, row 1: column 'v' is empty."),
         ({"d": [[1.0, 1.0], [1.0, None]], "v": [1, 1]}, "log.parquet, row 2: column 'd' is empty."),
         ({"d": D[:1], "v": [1.0]}, "log.parquet has 1 row; it needs the initial state and at least one step."),
         ({"t": np.array([5, 5, 6], "datetime64[s]"), "d": D, "v": [1, 1, 1]}, "log.parquet, row 2: time stamps must increase, but 't' is 1970-01-01 00:00:05 after 1970-01-01 00:00:05."),
+        ({"t": [5, None, 6], "d": D, "v": [1, 1, 1]}, "log.parquet, row 2: column 't' is empty."),
+        ({"t": [None, None, None], "d": D, "v": [1, 1, 1]}, "log.parquet, row 1: column 't' is empty."),
         ({"t": list("abc"), "d": D, "v": [1, 1, 1]}, "log.parquet: time stamps are numbers or dates; 't' is string."),
     ],
 )  # fmt: skip
@@ -84,6 +89,38 @@ def test_what_is_missing_is_unknown(assess):
     assert (code, found["pam"], found["safe"], found["unknown"]) == (0, None, False, ["fast"])
     code, found = assess({"d": D[:2], "v": [1.0, None]}, "--missing", "unknown")
     assert (code, found["safe"], found["unknown"]) == (0, True, ["fast"])
+
+
+@pytest.mark.parametrize("kind", [pa.list_(pa.float64()), pa.list_(pa.float64(), 2)])
+def test_an_empty_cell_of_a_vector_is_unknown(assess, kind):
+    d = pa.array([[2.0, 2.0], None, [3.0, 2.0]], kind)
+    code, found = assess({"d": d, "v": [1, 2, 3]}, "--missing", "unknown")
+    assert (code, found["safe"], found["unknown"]) == (0, None, ["clear"])
+    assert found["requirements"]["fast"] == 1.0
+    # A violation elsewhere decides.
+    d = pa.array([None, [0.5, 2.0], [3.0, 2.0]], kind)
+    code, found = assess({"d": d, "v": [1, 2, 3]}, "--missing", "unknown")
+    assert (code, found["safe"], found["pam"]) == (0, False, 0.75)
+
+
+def test_columns_of_empty_cells_are_unknown(assess):
+    code, found = assess({"d": [None] * 3, "v": [1, 2, 3]}, "--missing", "unknown")
+    assert (code, found["unknown"]) == (0, ["clear"])
+    code, found = assess({"d": D, "v": [None] * 3}, "--missing", "unknown")
+    assert (code, found["unknown"]) == (0, ["fast"])
+
+
+@pytest.mark.parametrize("kind", ["int64", "uint64", "datetime64[ns]"])
+@pytest.mark.parametrize("chunk", [2, 100])
+def test_nanoseconds_are_compared_as_integers(assess, monkeypatch, kind, chunk):
+    monkeypatch.setattr(trace_parquet, "CHUNK", chunk)
+    stamps = 1_700_000_000_000_000_000 + np.arange(3) * 100
+    code, found = assess({"t": stamps.astype(kind), "d": D, "v": [1, 2, 3]})
+    assert code == 0, found
+    stamps[2] = stamps[1]
+    code, message = assess({"t": stamps.astype(kind), "d": D, "v": [1, 2, 3]})
+    assert code == 1
+    assert message.startswith("log.parquet, row 3: time stamps must increase, but 't' is ")
 
 
 def test_what_is_no_parquet_file_says_so(hprs, here):

@@ -117,6 +117,10 @@ class _Piece:
         index = self._index[column]
         cells = [row[index] for row in self.rows]
         try:
+            return np.array(list(map(int, cells)), np.int64)
+        except (ValueError, OverflowError):
+            pass
+        try:
             return np.array(list(map(float, cells)))
         except ValueError:
             return np.array([self._moment(row, column) for row in range(len(cells))])

@@ -55,7 +55,7 @@ def _chunks(path: Path, file: Any, wanted: Wanted) -> Iterator[dict[str, Any]]:
 
         if clock is not None and time is not None:
             stamps = batch.column(time)
-            clock.check(_stamps(stamps, time, path), place, _reader(stamps))
+            clock.check(_stamps(stamps, time, path, place), place, _reader(stamps))
         chunk: dict[str, Any] = {}
         for name, found in columns.items():
             if isinstance(found, str):
@@ -70,15 +70,21 @@ def _chunks(path: Path, file: Any, wanted: Wanted) -> Iterator[dict[str, Any]]:
 
 def _reader(stamps: Any) -> Callable[[int], str]:
     def shown(row: int) -> str:
-        return str(stamps[row].as_py())
+        try:
+            return str(stamps[row].as_py())
+        except ValueError:
+            # Python's dates have microseconds.
+            return stamps[row].cast("string").as_py()
 
     return shown
 
 
-def _stamps(stamps: Any, name: str, path: Path) -> Any:
+def _stamps(stamps: Any, name: str, path: Path, place: Callable[[int], str]) -> Any:
     """Time stamps as numbers; dates as their number of ticks."""
     from pyarrow import types
 
+    if stamps.null_count:
+        raise _empty(place, name, int(np.argmin(_is_valid(stamps))))
     if types.is_temporal(stamps.type):
         stamps = stamps.cast("int64", safe=False) if stamps.type.bit_width == 64 else stamps
     if not (types.is_integer(stamps.type) or types.is_floating(stamps.type)):
@@ -90,9 +96,14 @@ def _column(
     values: Any, name: str, length: int | None, *, gaps: bool, place: Callable[[int], str]
 ) -> Any:
     """A column's numbers: one a row, or a vector a row."""
+    import pyarrow as arrow
     from pyarrow import types
 
     kind = values.type
+    if types.is_null(kind):
+        # Nothing says of what type a column is in which every cell is empty.
+        values = values.cast("float64" if length is None else arrow.list_(arrow.float64()))
+        kind = values.type
     listed = types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind)
     if listed and length is not None:
         return _vectors(values, name, length, gaps=gaps, place=place)
@@ -101,12 +112,12 @@ def _column(
         raise TraceError(f"{place(0)}: column '{name}' is of type {kind}, not a number.")
     found = np.asarray(values.cast("float64", safe=False).to_numpy(zero_copy_only=False))
     if not gaps:
-        nulls = values.null_count
         wrong = np.flatnonzero(np.isnan(found))
         if wrong.size:
             row = int(wrong[0])
-            shown = "is empty" if nulls and not values[row].is_valid else "is NaN"
-            raise TraceError(f"{place(row)}: column '{name}' {shown}.")
+            if not values[row].is_valid:
+                raise _empty(place, name, row)
+            raise TraceError(f"{place(row)}: column '{name}' is NaN.")
     return found
 
 
@@ -117,15 +128,28 @@ def _vectors(
 
     # PyArrow makes its functions when it is loaded, so that checkers do not see them.
     sizes: Any = compute.list_value_length(values).to_numpy(zero_copy_only=False)  # pyright: ignore[reportAttributeAccessIssue]
-    wrong = np.flatnonzero(sizes != length)
+    valid = _is_valid(values)
+    wrong = np.flatnonzero(((sizes != length) & valid) | (False if gaps else ~valid))
     if wrong.size:
         row = int(wrong[0])
-        found = values[row].as_py()
-        shown = "is empty" if found is None else f"has {plural(len(found), 'component')}"
-        raise TraceError(f"{place(row)}: column '{name}' {shown}, the signal {length}.")
+        if not valid[row]:
+            raise _empty(place, name, row)
+        found = plural(len(values[row].as_py()), "component")
+        raise TraceError(f"{place(row)}: column '{name}' has {found}, the signal {length}.")
 
     def place_of(row: int) -> str:
         return place(row // length)
 
+    # Flattening leaves out the rows that are empty.
     flat = _column(values.flatten(), name, None, gaps=gaps, place=place_of)
-    return flat.reshape(-1, length)
+    filled = np.full((len(valid), length), np.nan)
+    filled[valid] = flat.reshape(-1, length)
+    return filled
+
+
+def _is_valid(values: Any) -> Any:
+    return values.is_valid().to_numpy(zero_copy_only=False)
+
+
+def _empty(place: Callable[[int], str], name: str, row: int) -> TraceError:
+    return TraceError(f"{place(row)}: column '{name}' is empty.")
