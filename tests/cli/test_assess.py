@@ -172,6 +172,20 @@ def test_nanoseconds_are_compared_as_integers(hprs, here, first):
     )
 
 
+def test_a_margin_that_is_no_number_is_one_line(hprs, here):
+    (here / "root.hprs").write_text("signal x in [0, 1]\nensure a: sqrt(x) <= 0.9\n")
+    (here / "trace.csv").write_text("x\n0.5\n0.5\n-0.2\n")
+    options = ("assess", "trace.csv", "--task", "root.hprs")
+    assert hprs(*options) == (
+        1,
+        "",
+        "hprs: the margin of requirement 'a' is NaN at step 2: a signal has left the range in which "
+        "its expression is defined.\n",
+    )
+    code, out, err = hprs(*options, "--missing", "unknown", "--json")
+    assert (code, json.loads(out)["unknown"], err) == (0, ["a"], "")
+
+
 def test_a_signal_named_as_time_is_no_time_stamp(hprs, here):
     (here / "left.hprs").write_text("signal t in [0, 9]\nensure in_time: t >= 1\n")
     (here / "trace.csv").write_text("t\n3\n2\n1\n")

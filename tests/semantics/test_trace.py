@@ -6,6 +6,7 @@ from decimal import Decimal
 from fractions import Fraction
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ import torch
 
 from hprs import assess, parse_task
 from hprs.errors import TraceError
+from hprs.semantics.chunks import assess_chunks
 from hprs.semantics.evaluation import evaluate
 from hprs.spec.task import Task
 from tests.semantics.test_assessment import GOOD, RACE
@@ -113,3 +115,38 @@ def test_a_task_without_signals_has_no_trace() -> None:
         for recorded in ({}, trace):
             with pytest.raises(TraceError, match="the task reads no signal, so that a trace says"):
                 assess(task, recorded)
+
+
+UNDEFINED = parse_task("signal x in [0, 1]\nencourage b: x >= 0\nensure a: sqrt(x) <= 0.9")
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("asarray", [np.asarray, jnp.asarray, torch.asarray])
+def test_a_margin_that_is_nan_is_refused(asarray: Any) -> None:
+    message = "the margin of requirement 'a' is NaN at step 2: a signal has left the range"
+    trace = asarray([0.5, 0.5, -0.2, 0.5])
+    with pytest.raises(TraceError, match=message):
+        assess(UNDEFINED, {"x": trace})
+    with pytest.raises(TraceError, match=message):
+        assess(UNDEFINED, {"x": asarray([[0.5, 0.5], [0.5, 0.5], [0.5, -0.2]])})
+    for cut in range(5):
+        with pytest.raises(TraceError, match=message):
+            assess_chunks(UNDEFINED, [{"x": trace[:cut]}, {"x": trace[cut:]}])
+    found = assess(UNDEFINED, {"x": trace}, missing="unknown")
+    assert (found.unknown, found.safe) == (("a",), None)
+
+
+def test_a_margin_that_is_nan_is_refused_beside_or() -> None:
+    task = parse_task("signal x in [0, 1]\nensure o: x <= 1\nensure a: x <= 0.9 or sqrt(x) <= 0.9")
+    trace = {"x": [0.5, -0.2]}
+    message = "the margin of requirement 'a' is NaN at step 1"
+    with pytest.raises(TraceError, match=message):
+        assess(task, trace)
+    with pytest.raises(TraceError, match=message):
+        assess_chunks(task, [trace])
+    assert assess(task, trace, missing="unknown").safe is True
+
+
+def test_under_jit_a_margin_that_is_nan_does_not_hold() -> None:
+    found = jax.jit(lambda x: assess(UNDEFINED, {"x": x}).safe)(jnp.asarray([0.5, -0.2]))
+    assert not found

@@ -15,7 +15,7 @@ from hprs.semantics.assessment import Assessment, assess
 from hprs.semantics.contributions import evaluated_contributions
 from hprs.semantics.evaluation import Signals, evaluate_arrays
 from hprs.semantics.plan import plan_of
-from hprs.semantics.trace import check_trace
+from hprs.semantics.trace import check_trace, refuse_nan
 from hprs.spec.printer import format_predicate
 from hprs.spec.task import Requirement, Task, require_task
 
@@ -187,7 +187,7 @@ def explain(
         raise TraceError(_too_long(f"{states:,}"))
     with np.errstate(all="ignore"):
         evaluation = evaluate_arrays(plan, values, np)
-    _refuse_nan(plan.labels, evaluation.margins)
+    refuse_nan(plan, evaluation.margins)
     terms = evaluated_contributions(task, evaluation)
     parts = tuple(
         Part(
@@ -232,13 +232,3 @@ def changes(values: Numbers) -> Numbers:
 def first(holds: Truths) -> int | None:
     """The first state in which something holds."""
     return int(np.argmax(holds)) if holds.any() else None
-
-
-def _refuse_nan(labels: tuple[str, ...], margins: Any) -> None:
-    unknown = np.isnan(margins)
-    if unknown.any():
-        row, step = (int(index) for index in np.argwhere(unknown)[0])
-        raise TraceError(
-            f"the margin of requirement '{labels[row]}' is NaN at step {step}: a signal has left "
-            "the range in which its expression is defined."
-        )

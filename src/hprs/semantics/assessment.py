@@ -20,7 +20,7 @@ import numpy as np
 from hprs.errors import UsageError
 from hprs.semantics.evaluation import Signals, evaluate_arrays
 from hprs.semantics.plan import Evaluation, Plan, plan_of
-from hprs.semantics.trace import Missing, check_missing, check_trace, count_outside
+from hprs.semantics.trace import Missing, check_missing, check_trace, count_outside, refuse_nan
 from hprs.spec.misuse import shown
 from hprs.spec.namespace import Array, both, namespace_of, select, truth
 from hprs.spec.task import Task, require_task
@@ -233,14 +233,14 @@ def assess(
         task: The task.
         trace: Signal name to values, s_0 first; time on the first axis, batch axes after it.
         max_length: See `conclude`.
-        missing: `"unknown"` assesses one trace that lacks signals, wholly or, where they are NaN,
-            in some states. A requirement is measured where the other states and signals decide it,
-            as one violation decides `ensure`, and None where they do not; so are `safe`, `target`
-            and `comfort`. PAM is None unless every requirement is measured.
+        missing: `"unknown"` assesses one trace that lacks signals, wholly or, where they or their
+            margins are NaN, in some states. A requirement is measured where the other states and
+            signals decide it, as one violation decides `ensure`, and None where they do not; so are
+            `safe`, `target` and `comfort`. PAM is None unless every requirement is measured.
 
     Raises:
-        TraceError: A signal is missing, NaN or no number, lengths differ, there is not one step, or
-            the task reads no signal.
+        TraceError: A signal is missing, NaN or no number, a margin is NaN, lengths differ, there is
+            not one step, or the task reads no signal.
         UsageError: `missing` is unknown, or it is `"unknown"` and there is more than one trace.
         UsageError, ValueError: See `conclude`.
     """
@@ -253,7 +253,11 @@ def assess(
     plan = plan_of(require_task(task))
     values = check_trace(plan, trace)
     xp = namespace_of(values.values())
-    satisfied = evaluate_arrays(plan, values, xp).satisfied
+    # NumPy's warnings would come before the error that says where.
+    with np.errstate(all="ignore"):
+        evaluation = evaluate_arrays(plan, values, xp)
+    refuse_nan(plan, evaluation.margins)
+    satisfied = evaluation.satisfied
     safe = xp.all(satisfied[: plan.safety_count], axis=1)
     counts = xp.sum(xp.astype(satisfied[plan.comfort_start :, 1:], xp.int32), axis=1)
     first = start(plan, satisfied[:, 0])

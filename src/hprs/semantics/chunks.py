@@ -8,17 +8,28 @@ from __future__ import annotations
 
 import operator
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial, reduce
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
 
 from hprs.errors import TraceError, UsageError
 from hprs.semantics.assessment import Assessment, Tally, conclude, start
 from hprs.semantics.evaluation import Signals, leaf_margins, leaf_satisfied
 from hprs.semantics.plan import Plan, plan_of
-from hprs.semantics.trace import TOO_SHORT, Missing, check_missing, check_trace, count_outside
+from hprs.semantics.trace import (
+    TOO_SHORT,
+    Missing,
+    check_missing,
+    check_trace,
+    count_outside,
+    refuse_nan,
+)
 from hprs.spec.namespace import Array, both, either, namespace_of
 from hprs.spec.task import Task, require_task
+
+Combine: TypeAlias = Callable[[Array, Array], Array]
 
 
 def assess_chunks(
@@ -52,7 +63,7 @@ def assess_chunks(
             continue
         if len(values) < len(plan.signals):
             values = _completed(plan, values)
-        sure, possible = _bounds(plan, values, missing)
+        sure, possible = _bounds(plan, values, missing, first=states)
         states += size
         known = _advance(plan, known, sure, possible)
         outside.update(count_outside(task, values))
@@ -87,30 +98,34 @@ def _completed(plan: Plan, values: Mapping[str, Array]) -> dict[str, Array]:
     return found
 
 
-def _bounds(plan: Plan, values: Mapping[str, Array], missing: Missing) -> tuple[Array, Array]:
+def _bounds(
+    plan: Plan, values: Mapping[str, Array], missing: Missing, *, first: int
+) -> tuple[Array, Array]:
     """Rows of what surely holds and of what may hold, over the time of one piece."""
     xp = namespace_of(values.values())
-    leaves = leaf_margins(plan, values, xp)
+    with np.errstate(all="ignore"):
+        leaves = leaf_margins(plan, values, xp)
     if leaves.ndim != 2:
         raise UsageError(
             "a trace in pieces, or one that lacks signals, is assessed alone; its signals have "
             "time as their only axis (and vectors one more)."
         )
     holds = leaf_satisfied(plan, leaves, xp)
-    sure = _rows(plan, holds)
-    if missing == "error":
-        return sure, sure
+    sure = _rows(plan, holds, both, either)
     unknown = xp.isnan(leaves)
-    return sure, _rows(plan, holds | unknown) if xp.any(unknown) else sure
+    if not xp.any(unknown):
+        return sure, sure
+    if missing == "error":
+        refuse_nan(plan, _rows(plan, leaves, xp.minimum, xp.maximum), first=first)
+    return sure, _rows(plan, holds | unknown, both, either)
 
 
-def _rows(plan: Plan, holds: Array) -> Array:
+def _rows(plan: Plan, leaves: Array, least: Combine, most: Combine) -> Array:
     """One row a requirement from one a comparison."""
     if not plan.compound:
-        return holds
-    xp = namespace_of((holds,))
-    every, some = partial(reduce, both), partial(reduce, either)
-    return xp.stack(plan.combine(list(holds), every, some))
+        return leaves
+    xp = namespace_of((leaves,))
+    return xp.stack(plan.combine(list(leaves), partial(reduce, least), partial(reduce, most)))
 
 
 def _advance(plan: Plan, known: _Known | None, sure: Array, possible: Array) -> _Known:

@@ -159,6 +159,29 @@ def _check_shapes(plan: Plan, shapes: Mapping[str, tuple[int, ...]], least: int)
             )
 
 
+def refuse_nan(plan: Plan, margins: Array, *, first: int = 0) -> None:
+    """Refuse margins that are NaN although no signal is, as of the square root of -1.
+
+    Under `jax.jit` nothing can be refused.
+
+    Args:
+        plan: The task's plan.
+        margins: Rows of `Evaluation.margins`, with time on the next axis and batch axes after it.
+        first: Number of the first state, for messages.
+
+    Raises:
+        TraceError: One is NaN.
+    """
+    xp = namespace_of((margins,))
+    unknown = xp.isnan(margins)
+    if truth(xp.any(unknown)):
+        row, step = (int(index) for index in np.argwhere(np.asarray(unknown))[0][:2])
+        raise TraceError(
+            f"the margin of requirement '{plan.labels[row]}' is NaN at step {first + step}: a "
+            "signal has left the range in which its expression is defined."
+        )
+
+
 def count_outside(task: Task, values: Mapping[str, Array]) -> dict[str, Any]:
     """Signal name to the number of states in which it left its range; only those that did.
 
