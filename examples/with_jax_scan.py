@@ -16,10 +16,11 @@ import jax
 import jax.numpy as jnp
 
 import hprs
-from hprs.semantics.evaluation import margins
+from hprs.rewards import safety_cost
+from hprs.semantics.assessment import Assessment
 
 TASK = hprs.load_task(Path(__file__).with_name("park.hprs"))
-REWARD = hprs.make_reward("hprs", TASK)
+REWARD, COST = hprs.make_reward("hprs", TASK), safety_cost(TASK)
 DISCOUNT, TIME_STEP, HORIZON, COPIES = 0.99, 0.1, 100, 64
 
 
@@ -51,7 +52,7 @@ def transition(carry: Any, key: Any) -> tuple[Any, Any]:
     state = advance(state, force)
     signals = signals_of(state, force)
     # The task ends an episode where safety is violated; nothing else does but the horizon.
-    terminated = margins(TASK, signals)["on_track"] < 0
+    terminated = COST.step(None, signals, False, False)[1] > 0
     truncated = state["step"] >= HORIZON
     memory, reward = REWARD.step(memory, signals, terminated, truncated)
     fresh = reset(key)
@@ -63,25 +64,35 @@ def transition(carry: Any, key: Any) -> tuple[Any, Any]:
 
 @jax.jit
 def roll_out(keys: Any) -> Any:
-    """All steps of one environment."""
+    """All steps of one environment, and the signals of its states from s_0 on."""
     state = reset(keys[0])
-    carry = (state, REWARD.init(signals_of(state, jnp.float32(0))))
-    return jax.lax.scan(transition, carry, keys[1:])[1]
+    first = signals_of(state, jnp.float32(0))
+    _, (rewards, ended, signals) = jax.lax.scan(transition, (state, REWARD.init(first)), keys[1:])
+    trace = jax.tree.map(lambda one, rest: jnp.concatenate([one[None], rest]), first, signals)
+    return rewards, ended, trace
+
+
+def first_episodes(ended: Any, trace: Any) -> list[Assessment]:
+    """Assesses the first episode of every copy: up to its own end, or as far as it has come."""
+    steps = jnp.where(ended.any(axis=0), ended.argmax(axis=0) + 1, len(ended)).tolist()
+    return [
+        hprs.assess(TASK, {name: values[: count + 1, copy] for name, values in trace.items()})
+        for copy, count in enumerate(steps)
+    ]
 
 
 def main() -> None:
-    """Run a batch, and assess the first episodes that fit."""
+    """Run a batch, and assess the first episode of every copy."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--steps", type=int, default=200)
     steps = parser.parse_args().steps
     keys = jax.random.split(jax.random.key(0), (COPIES, steps + 1))
     # `vmap` puts the copies first; a trace has time first.
-    rewards, ended, signals = jax.vmap(roll_out, out_axes=1)(keys)
+    rewards, ended, trace = jax.vmap(roll_out, out_axes=1)(keys)
     print(f"{COPIES} copies of {steps} steps: {rewards.mean():.4f} a step, {ended.sum()} ends.")
-    length = min(steps, HORIZON - 1)
-    found = hprs.assess(TASK, {name: value[:length] for name, value in signals.items()})
-    for label, value in found.requirements.items():
-        print(f"{label:>8} {value.mean():.2f}")
+    found = first_episodes(ended, jax.device_get(trace))
+    for label in TASK.labels:
+        print(f"{label:>8} {sum(one.requirements[label] for one in found) / COPIES:.2f}")
 
 
 if __name__ == "__main__":

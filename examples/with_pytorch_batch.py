@@ -15,12 +15,22 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from torch.utils._pytree import tree_map
 
 import hprs
 from hprs.rewards import Reward, safety_cost
 
 TASK = hprs.load_task(Path(__file__).with_name("park.hprs"))
 DT, HORIZON = 0.1, 100
+
+
+def merged(rows: Any, new: Any, old: Any) -> Any:
+    """A memory with some rows from another. The batch is the first axis of all its tensors."""
+
+    def choose(new: Any, old: Any) -> Any:
+        return torch.where(rows.reshape(-1, *[1] * (new.ndim - 1)), new, old)
+
+    return tree_map(choose, new, old)
 
 
 class RewardTerm:
@@ -39,7 +49,7 @@ class RewardTerm:
         if self.memory is None:
             self.memory = fresh
         else:
-            self.memory = torch.where(rows, fresh, self.memory)
+            self.memory = merged(rows, fresh, self.memory)
 
     def __call__(self, signals: dict[str, Any], terminated: Any, truncated: Any) -> Any:
         """The rewards of the transitions into these states, before any of them is reset."""

@@ -9,10 +9,14 @@ import runpy
 import sys
 from pathlib import Path
 
+import jax
+import numpy as np
 import pytest
 import torch
 
 import hprs
+from hprs.rewards import REWARDS
+from tests.rewards.episodes import options_of
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -44,6 +48,27 @@ def test_a_jax_environment_is_paid_in_a_scan(run):
     assert "on_track 1.00" in out
 
 
+def test_a_jax_trace_is_the_first_episode_of_each_copy_from_its_first_state():
+    example = runpy.run_path(str(EXAMPLES / "with_jax_scan.py"))
+    # Copy 0 is unsafe after its first end alone, copy 1 in s_0 alone, copy 2 never ends.
+    x = np.array([[1.0, 1.0, 1.0, 4.5], [4.5, 1.0, 1.0, 1.0], [1.0, 1.0, 1.0, 4.5]]).T
+    ended = np.array([[False, True, False], [False, True, False], [False, False, False]]).T
+    trace = {"x": x, "v": np.zeros_like(x), "force": np.zeros_like(x)}
+    found = example["first_episodes"](ended, trace)
+    assert [one.length for one in found] == [2, 2, 3]
+    assert [one.safe for one in found] == [True, False, False]
+
+
+def test_a_jax_scan_keeps_the_first_state():
+    example = runpy.run_path(str(EXAMPLES / "with_jax_scan.py"))
+    keys = jax.random.split(jax.random.key(0), 6)
+    rewards, ended, trace = example["roll_out"](keys)
+    assert (len(rewards), len(ended)) == (5, 5)
+    assert {len(values) for values in trace.values()} == {6}
+    assert trace["x"][0] == example["reset"](keys[0])["x"]
+    assert "margins(" not in (EXAMPLES / "with_jax_scan.py").read_text()
+
+
 def test_a_pytorch_batch_is_paid_without_numpy(run, monkeypatch):
     def refuse(*_, **__):
         raise AssertionError("a tensor was made a NumPy array")
@@ -53,6 +78,33 @@ def test_a_pytorch_batch_is_paid_without_numpy(run, monkeypatch):
     out = run("with_pytorch_batch", "--steps", 200, "--environments", 256)
     assert "51,200 steps on cpu" in out
     assert "weight * dt" in (EXAMPLES / "with_pytorch_batch.py").read_text()
+
+
+@pytest.mark.parametrize("name", REWARDS)
+def test_a_row_of_a_pytorch_batch_is_paid_as_if_it_were_alone(name):
+    """Whatever a memory is made of: rows begin their episodes at different times."""
+    example = runpy.run_path(str(EXAMPLES / "with_pytorch_batch.py"))
+    # As many rows as requirements: a mask of rows would also fit the columns of a memory.
+    task, count = example["TASK"], 4
+    reward = hprs.make_reward(name, task, **options_of(name, task))
+    torch.manual_seed(0)
+    states = torch.rand(12, len(task.signals) + 1, count, dtype=torch.float64) * 2 - 1
+    names = [*(signal.name for signal in task.signals), "env_reward"]
+    ends = torch.arange(12)[:, None] % torch.tensor([2, 3, 5, 20]) == 1
+
+    def paid(rows):
+        term, nothing = example["RewardTerm"](reward), torch.zeros(len(rows), dtype=torch.bool)
+        term.begin(dict(zip(names, states[0][:, rows], strict=True)), rows=None)
+        for state, ended in zip(states[1:], ends[1:], strict=True):
+            signals = dict(zip(names, state[:, rows], strict=True))
+            yield term(signals, ended[rows], nothing)
+            if ended[rows].any():
+                fresh = {name: -value for name, value in signals.items()}
+                term.begin(fresh, rows=ended[rows])
+
+    together = torch.stack(list(paid([0, 1, 2, 3])))
+    for row in range(count):
+        assert torch.equal(torch.stack(list(paid([row])))[:, 0], together[:, row])
 
 
 def test_rewards_have_the_interface_of_mo_gymnasium(run):

@@ -82,6 +82,27 @@ def test_on_batches(name, number, convert, tolerance):
         np.testing.assert_allclose(paid[: last[i], i], rewards, atol=tolerance)
 
 
+@pytest.mark.parametrize("convert", [np.asarray, torch.asarray])
+@pytest.mark.parametrize("number", range(len(TASKS)))
+@pytest.mark.parametrize("name", VARIANTS)
+def test_nan_pays_the_same_on_floats_and_in_one_row_of_a_batch(name, number, convert):
+    """A measurement that failed is hidden in no form, and spreads to no other row."""
+    task = TASKS[number]
+    trace, last, how = batch(number, task)
+    whole = batched(variant(name, task), trace, last, how, convert)
+    row, bad = int(np.argmax(last)), int(last.max()) // 2
+    trace = {k: v.copy() for k, v in trace.items()}
+    for values in trace.values():
+        values[bad, row] = np.nan
+    paid = batched(variant(name, task), trace, last, how, convert)
+    one = floats({k: v[: last[row] + 1, row] for k, v in trace.items()})
+    ends = {"terminated": bool(how[row] & 1), "truncated": bool(how[row] & 2)}
+    wanted = rollout(variant(name, task), one, **ends)
+    np.testing.assert_allclose(paid[: last[row], row], wanted, atol=1e-6)
+    others = np.arange(BATCH) != row
+    np.testing.assert_array_equal(paid[:, others], whole[:, others])
+
+
 @pytest.mark.parametrize("number", [0, 1, 2])
 def test_in_one_scan(number):
     task = TASKS[number]

@@ -286,9 +286,13 @@ BAD_REWARDS = [
     ("tltl", {"end": "invariant"}, r"end='invariant' needs the learner's discount"),
     ("rank-preserving", {"weights": 1}, r"no option 'weights'\. It has base, margins\."),
     ("morl", {}, r"the reward morl needs weights: one for each of low, there\."),
-    ("bhnr", {}, r"a twentieth of the horizon, and this environment has none: give window=H\."),
+    ("bhnr", {}, r"give window=H for an environment whose horizon is not known here\."),
     ("bhnr", {"horizon": 10, "window": 11}, r"window must be at most the horizon of 10 .* got 11"),
-    ("bhnr", {"horizon": 0}, r"the horizon must be at least 1, got 0\."),
+    *[
+        (name, {"horizon": horizon}, rf"^the horizon is a whole .* from 1 on, got {horizon!r}\.$")
+        for name in ("bhnr", "hprs")
+        for horizon in (0, -1, 500.0, float("nan"), True, "500")
+    ],
 ]
 
 

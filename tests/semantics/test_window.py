@@ -59,6 +59,21 @@ def test_filters_of_truth_values(name: str, values: list[float], size: int) -> N
     np.testing.assert_allclose([row[0] for row in batch], expected, atol=1e-12)
 
 
+@pytest.mark.parametrize("size", [1, 2, 3, 5, 20])
+@pytest.mark.parametrize("at", range(9))
+@pytest.mark.parametrize("name", NUMBERS)
+def test_nan_is_in_a_window_as_long_as_its_state(name: str, at: int, size: int) -> None:
+    filter, definition = NUMBERS[name]
+    values = np.random.default_rng(at).uniform(-1, 1, 14)
+    values[at] = np.nan
+    expected = np.array(wanted(definition, np.nan_to_num(values).tolist(), size))
+    expected[at : at + size] = np.nan
+    np.testing.assert_allclose(found(filter, values.tolist(), size), expected, atol=1e-12)
+    rows = found(filter, [np.array([value, 0.0]) for value in values], size)
+    np.testing.assert_allclose(np.array(rows)[:, 0], expected, atol=1e-12)
+    assert not np.isnan(np.array(rows)[:, 1]).any()
+
+
 @pytest.mark.parametrize("convert", [jnp.asarray, torch.asarray])
 @pytest.mark.parametrize("name", [*NUMBERS, *TRUTHS])
 def test_other_arrays(name: str, convert: Any) -> None:

@@ -115,13 +115,18 @@ def _filters(task: Task, form: WindowForm) -> tuple[Filter, ...]:
     return tuple([filters[part.operator] for part in formula(task)])
 
 
+def is_count(steps: object) -> bool:
+    """Whether something is a whole number from 1 on; a truth value is none."""
+    return not isinstance(steps, bool) and isinstance(steps, Integral) and int(steps) >= 1
+
+
 def require_window(window: object) -> None:
     """Refuse what is no length of a window.
 
     Raises:
         UsageError: It is no whole number from 1 on.
     """
-    if isinstance(window, bool) or not isinstance(window, Integral) or int(window) < 1:
+    if not is_count(window):
         raise UsageError(f"window is a whole number of steps from 1 on, got {shown(window)}.")
 
 
@@ -134,8 +139,8 @@ def window_for(window: int | None, horizon: int | None) -> int:
     if window is None:
         if horizon is None:
             raise UsageError(
-                "bhnr looks at a window of states, by default a twentieth of the horizon, and "
-                "this environment has none: give window=H."
+                "bhnr looks at a window of states, by default a twentieth of the horizon: give "
+                "window=H for an environment whose horizon is not known here."
             )
         return max(1, horizon // WINDOWS_A_HORIZON)
     require_window(window)

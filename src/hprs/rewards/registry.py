@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from hprs.errors import UsageError, did_you_mean
 from hprs.rewards.base import Reward
-from hprs.rewards.bhnr import WindowRobustness, window_for
+from hprs.rewards.bhnr import WindowRobustness, is_count, window_for
 from hprs.rewards.hierarchical import Hierarchical
 from hprs.rewards.pam import EpisodeAssessment
 from hprs.rewards.rank_preserving import RankPreserving
@@ -165,6 +165,8 @@ def make_reward(
 
 
 def _checked_horizon(horizon: int | None) -> int | None:
-    if horizon is not None and horizon < 1:
-        raise UsageError(f"the horizon must be at least 1, got {shown(horizon)}.")
-    return horizon
+    if horizon is None:
+        return None
+    if not is_count(horizon):
+        raise UsageError(f"the horizon is a whole number of steps from 1 on, got {shown(horizon)}.")
+    return int(horizon)

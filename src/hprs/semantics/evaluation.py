@@ -139,7 +139,10 @@ def evaluate_arrays(plan: Plan, signals: Signals, xp: ModuleType) -> Evaluation:
         every, some = partial(reduce, both), partial(reduce, either)
         satisfied = xp.stack(plan.combine(list(satisfied), every, some))
     if plan.safety_count:
-        binary = xp.astype(satisfied[: plan.safety_count], leaves.dtype)
+        safe, margins = satisfied[: plan.safety_count], leaves[: plan.safety_count]
+        # NaN must not turn into a score.
+        known = safe | (margins <= 0.0)
+        binary = xp.where(known, xp.astype(safe, leaves.dtype), margins * math.nan)
         scores = xp.concat([binary, scores])
     return Evaluation(leaves, satisfied, scores, _potential(plan.groups, scores))
 

@@ -14,6 +14,8 @@ first value and pushed one value at a time; nothing but its window is remembered
 Floats are kept in blocks of `size` values: a window is the end of one full block, whose suffixes
 are summed up once, and the beginning of the next. Lists only ever grow at their end, and a window
 knows its own length, so that a memory is never changed by pushing a value onto it.
+
+NaN makes a window NaN, and leaves with the value that it was.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ from collections.abc import Callable
 from itertools import accumulate
 from typing import Any, NamedTuple, cast
 
-from hprs.spec.namespace import Array, namespace_of
+from hprs.spec.namespace import Array, float_operations, namespace_of
 
 
 class Filter(NamedTuple):
@@ -53,6 +55,9 @@ class _Block(NamedTuple):
 
 # Twice as fast as the named constructors.
 _new: Callable[..., Any] = cast(Any, tuple).__new__
+
+# Python's own hides NaN where it comes second.
+_smaller = float_operations()["min"]
 
 
 class _Shifted(NamedTuple):
@@ -93,7 +98,7 @@ def _appended(items: list[Any], length: int, item: Any) -> list[Any]:
 
 
 def _suffix_minima(values: list[float]) -> list[float]:
-    return list(accumulate(reversed(values), min))[::-1]
+    return list(accumulate(reversed(values), _smaller))[::-1]
 
 
 def _begin_least(value: Array, size: int) -> Any:
@@ -108,7 +113,8 @@ def _push_least(memory: Any, value: Array, size: int) -> Any:
     full, values, length, head, _ = memory
     if length == size:
         return _new(_Block, (_suffix_minima(values[:size]), [value], 1, value, 0.0))
-    head = value if value < head else head
+    # A head of NaN stays, and a value of NaN replaces any.
+    head = head if head <= value or head != head else value
     return _new(_Block, (full, _appended(values, length, value), length + 1, head, 0.0))
 
 
@@ -116,13 +122,13 @@ def _least(memory: Any, size: int) -> Array:
     if not isinstance(memory, _Block):
         return memory.values[..., 0]
     full, _, length, head, _ = memory
-    return head if full is None or length == size else min(full[length], head)
+    return head if full is None or length == size else _smaller(full[length], head)
 
 
 def _begin_mean(value: Array, size: int) -> Any:
     if isinstance(value, float):
         return _Block(None, [value], 1, value, 0.0)
-    return _begin_shifted(value, size, fill=value * 0.0)
+    return _begin_shifted(value, size, fill=namespace_of((value,)).zeros_like(value))
 
 
 def _push_mean(memory: Any, value: Array, size: int) -> Any:
@@ -131,9 +137,17 @@ def _push_mean(memory: Any, value: Array, size: int) -> Any:
     full, values, length, head, tail = memory
     if length == size:
         # A sum that begins anew with every block gathers no rounding over an episode.
-        return _new(_Block, (values, [value], 1, value, head - values[0]))
-    tail = 0.0 if full is None else tail - full[length]
+        tail = _less(head, values, 0, size)
+        return _new(_Block, (values, [value], 1, value, tail))
+    tail = 0.0 if full is None else _less(tail, full, length, size)
     return _new(_Block, (full, _appended(values, length, value), length + 1, head + value, tail))
+
+
+def _less(total: float, values: list[float], index: int, size: int) -> float:
+    """A sum of values from an index on, without the first of them."""
+    total -= values[index]
+    # NaN cannot be subtracted, nor infinity: what is left is summed up anew.
+    return total if total == total else sum(values[index + 1 : size], 0.0)
 
 
 def _mean(memory: Any, size: int) -> Array:
@@ -223,7 +237,7 @@ def _all(memory: Any, size: int) -> Array:
 def _begin_shifted(value: Array, size: int, *, fill: Array) -> _Shifted:
     xp = namespace_of((value,))
     filled = xp.broadcast_to(fill[..., None], (*value.shape, size))
-    return _Shifted(_shift(filled, value), value * 0.0 + 1.0)
+    return _Shifted(_shift(filled, value), xp.ones_like(value))
 
 
 def _shift(values: Array, value: Array) -> Array:

@@ -1,0 +1,39 @@
+"""Every benchmark trains with every reward that a learner of one number can have.
+
+Trainings of sixteen steps with networks of four units and episodes of at most six steps: whether
+the parts fit, not whether anything is learned.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from hprs.envs import BENCHMARKS
+from hprs.rewards import REWARDS
+from hprs.training import sb3
+from hprs.training.run_directory import create_runs
+from tests.rewards.episodes import options_of
+
+SMALLEST = {"environments": 1, "n_steps": 8, "batch_size": 8, "n_epochs": 1, "net_arch": [4]}
+STEPS, HORIZON = 16, 6
+
+
+@pytest.mark.parametrize("environment", BENCHMARKS)
+@pytest.mark.parametrize("reward", [name for name in REWARDS if name != "vector"])
+def test_a_benchmark_trains_with_a_reward(tmp_path: Any, environment: str, reward: str) -> None:
+    configuration = sb3.configure(
+        environment,
+        algorithm="ppo",
+        settings=SMALLEST,
+        reward=reward,
+        reward_options=options_of(reward, BENCHMARKS[environment].task),
+        horizon=HORIZON,
+        steps=STEPS,
+        evaluation_interval=STEPS,
+        evaluation_episodes=1,
+    )
+    [run] = create_runs([configuration], tmp_path)
+    assert sb3.train(run)
+    assert [int(row["step"]) for row in run.evaluations()] == [0, STEPS]
