@@ -96,10 +96,15 @@ def expressions(draw: DrawFn, known: Mapping[str, Inferred], *, depth: int = 4) 
 
 
 def reduced(expression: Expression, known: Mapping[str, Inferred], function: str) -> Expression:
-    """The expression, reduced by the function if it is a vector."""
+    """The expression, reduced by the function if it is a vector; by max, if that is too large."""
     if infer(expression, known).length is None:
         return expression
-    return Call(function, (expression,))
+    made = Call(function, (expression,))
+    try:
+        infer(made, known)
+    except SpecValidationError:
+        return Call("max", (expression,))
+    return made
 
 
 def _sample(generator: np.random.Generator, range_: Interval, shape: tuple[int, ...]) -> np.ndarray:

@@ -205,7 +205,7 @@ def test_coming_close_to_the_leader_violates_the_distance_and_touching_it_ends_t
         ({"stacked": True}, "stacked needs a whole number"),
         ({"reverse": "yes"}, "reverse needs true or false, got 'yes'"),
         ({"render_mode": "ansi"}, "render_mode is rgb_array or None, not 'ansi'"),
-        ({"camera": "folloe"}, "camera is fixed or follow, not 'folow'. Did you mean 'follow'?"),
+        ({"camera": "folloe"}, "camera is fixed or follow, not 'folloe'. Did you mean 'follow'?"),
     ],
 )
 @pytest.mark.filterwarnings("ignore:.*render:UserWarning")
