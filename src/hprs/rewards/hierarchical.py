@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hprs.rewards.shaping import DEFAULT_END, End, check_convention, potential_difference
-from hprs.rewards.state import base_reward
-from hprs.semantics.evaluation import Signals, evaluate, hard_potential
-from hprs.semantics.plan import Evaluation, plan_of
+from hprs.rewards.shaping import DEFAULT_END, End, PotentialBased, check_convention
+from hprs.semantics.evaluation import hard_potential
+from hprs.semantics.plan import Evaluation
 from hprs.spec.namespace import Array
 from hprs.spec.task import Task
 
 
 @dataclass(frozen=True)
-class Hierarchical:
+class Hierarchical(PotentialBased):
     """Base reward plus the difference of hierarchical potentials (the paper, equation `hrs`).
 
     Args:
@@ -34,26 +33,6 @@ class Hierarchical:
     def __post_init__(self) -> None:
         """Check the convention and its discount."""
         check_convention(self.end, self.discount)
-
-    def init(self, signals: Signals) -> Array:
-        """Psi(s_0)."""
-        return self._potential(evaluate(self.task, signals))
-
-    def step(
-        self, memory: Array, signals: Signals, terminated: Array, truncated: Array
-    ) -> tuple[Array, Array]:
-        """Psi(s') and the shaped reward of the transition into s'."""
-        evaluation = evaluate(self.task, signals)
-        potential = self._potential(evaluation)
-        shaping = potential_difference(
-            self.end,
-            self.discount,
-            memory,
-            potential,
-            terminated=terminated,
-            truncated=truncated,
-        )
-        return potential, base_reward(plan_of(self.task).target_row, evaluation) + shaping
 
     def _potential(self, evaluation: Evaluation) -> Array:
         return evaluation.potential if self.comfort else hard_potential(self.task, evaluation)

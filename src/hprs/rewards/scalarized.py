@@ -11,9 +11,8 @@ from types import MappingProxyType
 from typing import TypeAlias, cast
 
 from hprs.errors import UsageError, did_you_mean
-from hprs.rewards.shaping import DEFAULT_END, End, check_convention, potential_difference
-from hprs.rewards.state import base_reward
-from hprs.semantics.evaluation import Signals, evaluate, is_single
+from hprs.rewards.shaping import DEFAULT_END, End, PotentialBased, check_convention
+from hprs.semantics.evaluation import is_single
 from hprs.semantics.plan import Evaluation, plan_of
 from hprs.spec.misuse import shown
 from hprs.spec.namespace import Array
@@ -30,7 +29,7 @@ DECREASING: Mapping[RequirementClass, float] = MappingProxyType(
 
 
 @dataclass(frozen=True)
-class Scalarized:
+class Scalarized(PotentialBased):
     """Base reward plus the weighted sum of each requirement's own potential difference.
 
     A requirement's own potential is its score; no requirement matters more than another but by its
@@ -56,26 +55,6 @@ class Scalarized:
         """Check the convention and the weights, and keep these in the order of the text."""
         check_convention(self.end, self.discount)
         object.__setattr__(self, "weights", _checked(require_task(self.task), self.weights))
-
-    def init(self, signals: Signals) -> Array:
-        """The weighted scores of s_0."""
-        return self._potential(evaluate(self.task, signals))
-
-    def step(
-        self, memory: Array, signals: Signals, terminated: Array, truncated: Array
-    ) -> tuple[Array, Array]:
-        """The weighted scores of s', and the reward of the transition into it."""
-        evaluation = evaluate(self.task, signals)
-        potential = self._potential(evaluation)
-        shaping = potential_difference(
-            self.end,
-            self.discount,
-            memory,
-            potential,
-            terminated=terminated,
-            truncated=truncated,
-        )
-        return potential, base_reward(plan_of(self.task).target_row, evaluation) + shaping
 
     @cached_property
     def _by_row(self) -> tuple[float, ...]:

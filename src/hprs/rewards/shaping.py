@@ -12,10 +12,15 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from typing import Literal, TypeAlias, get_args
 
 from hprs.errors import UsageError, did_you_mean
+from hprs.rewards.state import base_reward
+from hprs.semantics.evaluation import Signals, evaluate
+from hprs.semantics.plan import Evaluation, plan_of
 from hprs.spec.namespace import Array, select
+from hprs.spec.task import Task
 
 End: TypeAlias = Literal["paper", "invariant", "released"]
 ENDS: tuple[End, ...] = get_args(End)
@@ -23,6 +28,38 @@ ENDS: tuple[End, ...] = get_args(End)
 
 DEFAULT_END: End = "paper"
 """What is taken unless something else is asked for; the only place that says so."""
+
+
+class PotentialBased(ABC):
+    """Base reward plus the difference of one potential; a subclass says which."""
+
+    task: Task
+    end: End
+    discount: float | None
+
+    @abstractmethod
+    def _potential(self, evaluation: Evaluation) -> Array:
+        """Psi of a state."""
+
+    def init(self, signals: Signals) -> Array:
+        """Psi(s_0)."""
+        return self._potential(evaluate(self.task, signals))
+
+    def step(
+        self, memory: Array, signals: Signals, terminated: Array, truncated: Array
+    ) -> tuple[Array, Array]:
+        """Psi(s') and the shaped reward of the transition into s'."""
+        evaluation = evaluate(self.task, signals)
+        potential = self._potential(evaluation)
+        shaping = potential_difference(
+            self.end,
+            self.discount,
+            memory,
+            potential,
+            terminated=terminated,
+            truncated=truncated,
+        )
+        return potential, base_reward(plan_of(self.task).target_row, evaluation) + shaping
 
 
 def potential_difference(
