@@ -12,7 +12,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 
 import hprs
 from hprs.errors import UsageError
@@ -145,6 +145,17 @@ def test_the_window_of_bhnr_comes_from_the_registered_horizon():
         wrap(gym.make("CartPole-v1"), POLE, "bhnr", reward_options={"window": 501})
     given = wrap(Slider(), slider_task(), "bhnr", reward_options={"window": 3})
     assert given.reward == WindowRobustness(slider_task(), 3)
+
+
+def test_the_horizon_of_environments_in_other_processes_is_not_known():
+    envs = AsyncVectorEnv([lambda: gym.make("CartPole-v1")] * 2, context="spawn")
+    try:
+        with pytest.raises(UsageError, match=r"give window=H for .* horizon is not known here"):
+            wrap_vector(envs, POLE, "bhnr")
+        given = wrap_vector(envs, POLE, "bhnr", reward_options={"window": 25})
+        assert given.reward == WindowRobustness(POLE, 25)
+    finally:
+        envs.close()
 
 
 def test_options_beside_a_reward_object_are_an_error():
