@@ -8,14 +8,17 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 from pathlib import Path
 
+import filelock
 import pytest
 import torch
 
 from hprs.errors import RunError
 from hprs.training import files, run_directory, sb3
 from hprs.training.listener import Silence
+from hprs.training.lock import LOCK_FILE, locked
 from hprs.training.run_directory import RunDirectory, create_runs
 from hprs.training.sb3 import training as training_module
 
@@ -307,3 +310,12 @@ def test_a_read_only_run_can_be_read_and_not_be_trained(read_only, monkeypatch):
     assert sb3.load_policy(run, "last") is not None
     with pytest.raises(RunError, match=r"^cannot write .*: Permission denied\.$"):
         training(folder / "new", run.configuration)
+
+
+def test_a_holder_that_has_not_yet_written_who_it_is_is_waited_for(tmp_path):
+    with filelock.FileLock(tmp_path / LOCK_FILE):
+        late = threading.Timer(0.1, (tmp_path / LOCK_FILE).write_text, ["123"])
+        late.start()
+        with pytest.raises(RunError, match=r"by another process \(123\)"), locked(tmp_path):
+            pass
+        late.join()

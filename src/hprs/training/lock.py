@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -43,7 +44,9 @@ def locked(folder: Path, advice: str = "") -> Iterator[None]:
 
 
 def _holder(file: Path) -> str:
-    try:
-        return f"another process ({int(file.read_text())})"
-    except (OSError, ValueError):
-        return "another process"
+    # Who has just taken the lock has not yet written who it is.
+    for _ in range(25):
+        with suppress(OSError, ValueError):
+            return f"another process ({int(file.read_text())})"
+        time.sleep(0.02)
+    return "another process"
