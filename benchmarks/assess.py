@@ -28,7 +28,7 @@ import numpy as np
 
 TASK = "hprs/CartPole-v0"
 STEPS = (100_000, 1_000_000)
-BAG_STEPS = (10_000, 100_000)
+BAG_STEPS = (10_000, 100_000, 1_000_000)
 REPEATS = 3
 BAG_COLUMNS = ["--ticks", "/cmd", "--column", "x=/pose.x", "--column", "v=/pose.y"]
 BAG_COLUMNS += ["--column", "theta=/pose.z"]

@@ -25,6 +25,7 @@ import jax.numpy as jnp
 import numpy as np
 from _common import lander, lander_step
 from _flower import flower
+from jax.sharding import NamedSharding, PartitionSpec
 
 import hprs
 from hprs.carsim.designs import load_track
@@ -94,8 +95,13 @@ def vector_environment(number: int) -> Callable[[], int]:
 
 
 def jitted(simulation: Simulation, number: int) -> Callable[[], int]:
-    """A compiled call of so many episodes with their rewards; it resets none."""
+    """A compiled call of so many episodes with their rewards; it resets none.
+
+    Every device of JAX takes its share of them; on a CPU there may be one to each core.
+    """
     reward = hprs.make_reward("hprs", TASK)
+    mesh = jax.make_mesh((len(jax.devices()),), ("cars",))
+    shared, split = PartitionSpec(), PartitionSpec("cars")
 
     @jax.jit
     def start(keys: jax.Array) -> tuple:
@@ -111,9 +117,14 @@ def jitted(simulation: Simulation, number: int) -> Callable[[], int]:
         )
         return (episodes, memory), (observed, paid, terminated, truncated)
 
-    compiled = jax.jit(advance, donate_argnums=1)
+    shards = jax.shard_map(
+        advance, mesh=mesh, in_specs=(shared, split, split), out_specs=split, check_vma=False
+    )
+    compiled = jax.jit(shards, donate_argnums=1)
     state = start(jax.random.split(jax.random.key(0), number))
-    actions = np.tile(AHEAD, (number, 1))
+    state = jax.device_put(state, NamedSharding(mesh, split))
+    simulation = jax.device_put(simulation, NamedSharding(mesh, shared))
+    actions = jax.device_put(np.tile(AHEAD, (number, 1)), NamedSharding(mesh, split))
 
     def step() -> int:
         nonlocal state
@@ -130,20 +141,29 @@ def all_sizes(label: str, simulation: Simulation, cars: tuple[int, ...] = CARS) 
         show(f"{label}, {number:,d} in one jitted call", *in_turns(jitted(simulation, number)))
 
 
+def again(part: str, **settings: str) -> None:
+    """Run a part of this script in a process with other settings of JAX."""
+    arguments = [sys.executable, __file__, part]
+    subprocess.run(arguments, env={**os.environ, **settings}, check=True)
+
+
 def measure_all() -> None:
     """Print everything, each line in a process of its own where JAX's settings differ."""
     show("one, Gymnasium and hprs.wrap", *in_turns(one_environment()))
-    without = {**os.environ, "JAX_CPU_ENABLE_ASYNC_DISPATCH": "false"}
-    subprocess.run([sys.executable, __file__, "one"], env=without, check=True)
+    again("one", JAX_CPU_ENABLE_ASYNC_DISPATCH="false")
     show("1,024 in a vector environment, hprs.wrap_vector", *in_turns(vector_environment(1_024)))
     simulation = make(ENVIRONMENT)
     all_sizes("gm and trt", simulation)
+    again("devices", JAX_NUM_CPU_DEVICES=str(os.cpu_count()))
     all_sizes("gm and trt, 1,080 beams", make(ENVIRONMENT, beams=1_080), (1, 64, 1_024))
     for name, track in (("gm-c", load_track("gm-c")), ("flower of 30 m", flower(30))):
         all_sizes(name, replace(simulation, tracks=stack_tracks([track])), (1_024,))
 
 
-if sys.argv[1:] == ["one"]:
-    show("the same, JAX_CPU_ENABLE_ASYNC_DISPATCH=false", *in_turns(one_environment()))
-else:
-    measure_all()
+match sys.argv[1:]:
+    case ["one"]:
+        show("the same, JAX_CPU_ENABLE_ASYNC_DISPATCH=false", *in_turns(one_environment()))
+    case ["devices"]:
+        all_sizes("a device to each core", make(ENVIRONMENT), CARS[2:])
+    case _:
+        measure_all()

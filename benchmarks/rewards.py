@@ -23,6 +23,8 @@ from hprs.spec.task import Task
 
 BATCH, STEPS, ROUNDS = 4_096, 64, 8
 WINDOWS = (1, 5, 15, 30, 60, 150)
+ENDING = 0.01
+"""Share of a batch's episodes that end in a step."""
 
 
 def reward_of(name: str, task: Task, **options: object) -> Reward:
@@ -53,13 +55,13 @@ def evaluated(task: Task, signals: list[dict]) -> list[dict]:
     return found
 
 
-def step_seconds(reward: Reward, signals: list[dict], never: object) -> float:
+def step_seconds(reward: Reward, signals: list[dict], terminated: object) -> float:
     """Seconds a step of a reward's own functions, the evaluation of the task left out."""
 
     def run() -> None:
         memory = reward.init(signals[0])
         for values in signals:
-            memory, _ = reward.step(memory, values, never, never)
+            memory, _ = reward.step(memory, values, terminated, False & terminated)
 
     return seconds(run) / len(signals)
 
@@ -95,25 +97,25 @@ def batch(yardstick: float) -> None:
     """Each reward over a batch, its evaluation of the task included."""
     task = driving_task()
     signals = states(task, (BATCH,))
-    never = np.zeros(BATCH, bool)
+    some = np.random.default_rng(1).random(BATCH) < ENDING
     bare = [{k: v for k, v in values.items() if isinstance(v, np.ndarray)} for values in signals]
     print(f"\nNumPy, {BATCH} environments, seven requirements, ns an environment-step")
     print(f"{'reward':>16} {'itself':>10} {'':>14} {'with evaluation':>16}")
     for name in REWARDS:
         reward = reward_of(name, task)
-        alone = step_seconds(reward, signals, never) / BATCH
-        whole = step_seconds(reward, bare, never) / BATCH
+        alone = step_seconds(reward, signals, some) / BATCH
+        whole = step_seconds(reward, bare, some) / BATCH
         print(
             f"{name:>16} {alone * 1e9:10.1f}  1/{yardstick / alone:<8.0f} yard"
             f" {whole * 1e9:10.1f}  1/{yardstick / whole:<6.0f} yard"
         )
-    windows(yardstick, signals, never, task)
+    windows(yardstick, signals, some, task)
 
 
-def windows(yardstick: float, signals: list[dict], never: object, task: Task) -> None:
+def windows(yardstick: float, signals: list[dict], some: object, task: Task) -> None:
     """BHNR by the length H of its window: a batch costs O(H), a single environment does not."""
     conquer = hprs.parse_task(hprs.format_task(task).replace("achieve", "conquer"))
-    one = {n: float(v[0]) for n, v in signals[0].items() if isinstance(v, np.ndarray)}
+    one = states(conquer, ()) * 16
     print(f"\nBHNR by its window H: ns an environment-step of {BATCH}, us of one environment")
     print(f"{'H':>6} {'achieve':>10} {'conquer':>10} {'boolean':>10} {'':>10} {'one, conquer':>14}")
     for size in WINDOWS:
@@ -126,10 +128,9 @@ def windows(yardstick: float, signals: list[dict], never: object, task: Task) ->
         for chosen, form in kinds:
             reward = reward_of("bhnr", chosen, window=size, form=form)
             values = evaluated(chosen, signals)
-            costs.append(step_seconds(reward, values, never) / BATCH)
+            costs.append(step_seconds(reward, values, some) / BATCH)
         reward = reward_of("bhnr", conquer, window=size)
-        alone = evaluated(conquer, [one] * (STEPS * 16))
-        single = step_seconds(reward, alone, False)
+        single = step_seconds(reward, one, False)
         shown = " ".join(f"{cost * 1e9:10.1f}" for cost in costs)
         print(f"{size:>6} {shown}  1/{yardstick / costs[1]:<7.0f} {single * 1e6:13.2f}")
 
