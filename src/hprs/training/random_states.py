@@ -1,4 +1,4 @@
-"""The states of random generators as JSON values: nothing of them is ever executed."""
+"""Seeds, and the states of random generators as JSON values: nothing of them is ever executed."""
 
 from __future__ import annotations
 
@@ -7,6 +7,12 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+
+
+def derive_seed(seed: int, step: int, index: int = 0) -> int:
+    """A seed that neighbouring seeds, later steps and other environments do not share."""
+    entropy = [seed, step, index] if index else [seed, step]
+    return int(np.random.SeedSequence(entropy).generate_state(1)[0] >> 2)
 
 
 def generator_state(generator: np.random.Generator) -> dict[str, Any]:

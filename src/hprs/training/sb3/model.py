@@ -80,12 +80,6 @@ def algorithm_class(configuration: Configuration) -> Any:
     return getattr(stable_baselines3, algorithms.ALGORITHMS[configuration.algorithm].class_name)
 
 
-def derive_seed(seed: int, step: int, index: int = 0) -> int:
-    """A seed that neighbouring seeds, later steps and other environments do not share."""
-    entropy = [seed, step, index] if index else [seed, step]
-    return int(np.random.SeedSequence(entropy).generate_state(1)[0] >> 2)
-
-
 class _Terse(gym.Wrapper[Any, Any, Any, Any]):
     """What a learner sees of a step.
 

@@ -17,12 +17,13 @@ from hprs.training.arrays import pack, unpack
 from hprs.training.configuration import Configuration
 from hprs.training.episode_log import EpisodeLog, EpisodeState
 from hprs.training.random_states import (
+    derive_seed,
     generator_state,
     global_states,
     set_generator_state,
     set_global_states,
 )
-from hprs.training.sb3.model import algorithm_class, derive_seed
+from hprs.training.sb3.model import algorithm_class
 from hprs.training.schedules import schedule
 
 if TYPE_CHECKING:

@@ -9,10 +9,11 @@ from hprs.training.checkpoint import Checkpoint
 from hprs.training.environment import require
 from hprs.training.interruption import Interruption
 from hprs.training.listener import Listener, Silence
+from hprs.training.random_states import derive_seed
 from hprs.training.replay import load_segments
 from hprs.training.run_directory import RunDirectory
 from hprs.training.sb3.events import make_logger
-from hprs.training.sb3.model import derive_seed, make_model, make_vector, refuse_divergence
+from hprs.training.sb3.model import make_model, make_vector, refuse_divergence
 from hprs.training.sb3.policy import save_policies, threads
 from hprs.training.sb3.state import Restoration, replay_buffer, replay_rows
 
