@@ -332,3 +332,15 @@ def test_stable_baselines3_subprocesses_give_what_its_synchronous_environments_g
         assert ends > 4
     finally:
         ours.close()
+
+
+def test_the_signals_of_the_newest_state_can_be_asked_for():
+    env = wrap(Slider(), slider_task())
+    observation, _ = env.reset(seed=3)
+    start = {"x": observation[0], "progress": observation[0] / 2, "force": 0.0, "push": 0.0}
+    names = [*start, "before"]
+    assert {name: env.signal_values[name] for name in names} == {**start, "before": 0.0}
+    env.step(np.array([0.25]))
+    observation, *_ = env.step(np.array([0.5]))
+    reached = {"x": observation[0], "progress": observation[0] / 2, "force": 0.25, "push": 0.5}
+    assert {name: env.signal_values[name] for name in names} == {**reached, "before": 0.25}

@@ -372,3 +372,37 @@ def test_a_function_over_batches_is_checked_when_wrapping():
             wrap_vector(FromInfo(), lap, signals=lambda *_, value=returned: value)
     envs = wrap_vector(FromInfo(), lap, signals=lambda *_: {"lap": [0.25, 2.0]})
     assert envs.reset()[1]["margins"]["far"].tolist() == [-0.25, 1.5]
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_signals_of_reached_and_of_newest_states_are_those_of_single_environments(mode):
+    envs = wrap_vector(SyncVectorEnv([Slider] * COUNT, autoreset_mode=mode), slider_task())
+    singles = [wrap(Slider(), slider_task()) for _ in range(COUNT)]
+    names = [signal.name for signal in slider_task().signals]
+
+    def same(values, row):
+        return [values[name][row] for name in names] == [
+            singles[row].signal_values[name] for name in names
+        ]
+
+    envs.reset(seed=list(range(COUNT)))
+    for row, single in enumerate(singles):
+        single.reset(seed=row)
+        assert same(envs.signal_values, row)
+    due: set[int] = set()
+    for action in actions(4):
+        _, _, terminated, truncated, _ = envs.step(action)
+        done = terminated | truncated
+        for row in set(range(COUNT)) - due:
+            singles[row].step(action[row])
+            assert same(envs.reached_signal_values, row)
+            assert mode == AutoresetMode.SAME_STEP or same(envs.signal_values, row)
+        if mode == AutoresetMode.DISABLED and done.any():
+            # One after the other: each reset leaves the other rows as they are.
+            for row in np.flatnonzero(done):
+                envs.reset(options={"reset_mask": np.arange(COUNT) == row})
+        ended = set(np.flatnonzero(done).tolist())
+        for row in due if mode == AutoresetMode.NEXT_STEP else ended:
+            singles[row].reset()
+        due = ended if mode == AutoresetMode.NEXT_STEP else set()
+        assert all(same(envs.signal_values, row) for row in range(COUNT))

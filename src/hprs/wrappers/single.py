@@ -123,6 +123,9 @@ class TaskWrapper(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         )
         self._memory: Any = None
         self._last_action: Any = self._zero_action
+        self.signal_values: Mapping[str, Any] = {}
+        """Signal to its value in the newest state, a float or a vector; of those that the task
+        uses, beside what a reward finds there."""
         if reader.needs_probe:
             self._probe()
 
@@ -132,7 +135,7 @@ class TaskWrapper(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         """Reset the environment, and start a new assessment."""
         observation, info = self.env.reset(seed=seed, options=options)
         self._last_action = deepcopy(self._zero_action)
-        values = self._signals.at_reset(observation, self._zero_action, info)
+        values = self.signal_values = self._signals.at_reset(observation, self._zero_action, info)
         evaluation = self._evaluate(values)
         if evaluation.potential != evaluation.potential:
             raise nan_margin(evaluation.margins, 0)
@@ -164,6 +167,7 @@ class TaskWrapper(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         values[ENV_REWARD] = env_reward
         carry(values, self.task, evaluation)
         self._memory, reward = self.reward.step(self._memory, values, terminated, truncated)
+        self.signal_values = values
         info = dict(info)
         info["margins"], info["scores"], info["potential"] = margins, scores, potential
         info["cost"] = violations(self._plan, evaluation)

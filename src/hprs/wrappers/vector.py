@@ -120,6 +120,9 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
         self._forced: Mask = ~self._everyone
         self._memory: Any = None
         self._tally: Any = None
+        self._reached: Mapping[str, Any] = {}
+        self._current: Mapping[str, Any] = {}
+        self._begun: tuple[Mask, dict[str, Any]] | None = None
         self._last_action: Any = None
         if reader.needs_probe:
             with undisturbed(envs):
@@ -177,6 +180,26 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
         return observation, rewards, terminated, truncated, infos
 
     @property
+    def reached_signal_values(self) -> Mapping[str, Any]:
+        """Signal to its values in the states that the last step led to, (N,) or (N, length).
+
+        Where an episode ended, in its final state. Rows that the step only reset hold anything.
+        """
+        return self._reached
+
+    @property
+    def signal_values(self) -> Mapping[str, Any]:
+        """Signal to its values in the newest states: with same-step autoreset, in new episodes."""
+        if self._begun is not None:
+            # Merged only where somebody asks.
+            mask, values = self._begun
+            current, self._begun = self._current, None
+            self._current = {
+                name: merge_rows(mask, values[name], current[name]) for name in self._plan.signals
+            }
+        return self._current
+
+    @property
     def _resets_by_mask(self) -> bool:
         return self._force is reset_by_mask
 
@@ -212,6 +235,7 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
         if partial:
             rewards = merge_rows(resetting, np.zeros_like(rewards), rewards)
         self._memory, self._tally = memory, tally
+        self._reached, self._current, self._begun = values, values, None
         if self._reads_last_action:
             self._last_action = np.array(actions)
         described = self._describe(evaluation, ~resetting if partial else self._everyone)
@@ -262,6 +286,10 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
         whole = self._tally is None or mask.all()
         self._memory = memory if whole else merge_rows(mask, memory, self._memory)
         self._tally = tally if whole else merge_tally(mask, tally, cast(Any, self._tally))
+        if whole:
+            self._current, self._begun = values, None
+        else:
+            self._current, self._begun = self.signal_values, (mask, values)
         if self._zeros is not None and self._reads_last_action:
             last = self._zeros if whole else merge_rows(mask, self._zeros, self._last_action)
             self._last_action = np.array(last)
