@@ -1,0 +1,156 @@
+"""Steps environments one after the other in this process; their episodes can be brought back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from operator import itemgetter
+from typing import Any
+
+import numpy as np
+
+from hprs.spec.task import Task
+from hprs.training.episode_log import EpisodeLog, EpisodeState
+from hprs.training.host.interface import Seen, Transition, signal_names
+from hprs.training.random_states import derive_seed
+from hprs.wrappers.single import TaskWrapper
+
+Pick = Callable[[Mapping[str, Any]], Sequence[float]]
+
+
+class SingleEnvironments:
+    """Environments with the same task, reset in the step that ends an episode.
+
+    Args:
+        environments: At least one.
+    """
+
+    def __init__(self, environments: Sequence[TaskWrapper]) -> None:
+        self._tasks = tuple(environments)
+        self._logs = tuple(EpisodeLog(environment) for environment in environments)
+        first = environments[0]
+        self.number = len(environments)
+        self.observation_space = first.observation_space
+        self.action_space = first.action_space
+        self._shape = (self.number, *(first.observation_space.shape or ()))
+        self._pick = _picker(first.task)
+        self._seed, self._steps = 0, 0
+        self._seen: Seen | None = None
+
+    @property
+    def seen(self) -> Seen:
+        """What the next actions are chosen from."""
+        assert self._seen is not None, "reset() comes first"  # noqa: S101
+        return self._seen
+
+    def reset(self, seed: int) -> Seen:
+        """New episodes everywhere; the seeds of the environments are derived from one."""
+        self._seed, self._steps = seed, 0
+        for row, log in enumerate(self._logs):
+            log.reset(seed=derive_seed(seed, 0, row))
+        return self._look()
+
+    def step(self, actions: np.ndarray) -> Transition:
+        """Step all environments."""
+        observations = np.empty(self._shape, np.float32)
+        terminated, truncated = np.zeros((2, self.number), bool)
+        rewards: list[Any] = []
+        # One list of all signals becomes an array faster than each row is written to one.
+        signals: list[float] = []
+        ended: list[int] = []
+        pick = self._pick
+        rows = zip(self._logs, self._tasks, actions, strict=True)
+        for row, (log, task, action) in enumerate(rows):
+            observation, reward, terminates, truncates, _ = log.step(action)
+            observations[row] = observation
+            signals += pick(task.signal_values)
+            rewards.append(reward)
+            if terminates or truncates:
+                terminated[row], truncated[row] = terminates, truncates
+                ended.append(row)
+        self._steps += 1
+        reached = self._arranged(observations, signals)
+        self._seen = self._renewed(reached, ended) if ended else reached
+        return Transition(
+            reward=np.array(rewards, np.float32),
+            terminated=terminated,
+            truncated=truncated,
+            valid=np.ones(self.number, bool),
+            reached=reached,
+            next=self._seen,
+        )
+
+    def state(self) -> dict[str, Any]:
+        """What `restore` needs: name to a NumPy array or a JSON value."""
+        episodes = [log.state() for log in self._logs]
+        actions = {f"actions {row}": episode.actions for row, episode in enumerate(episodes)}
+        return {
+            "seed": self._seed,
+            "steps": self._steps,
+            "episodes": [episode.to_json() for episode in episodes],
+            **actions,
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> list[str]:
+        """Go back to where `state` was taken, by doing the running episodes' actions again.
+
+        Returns:
+            For every environment that had to begin a new episode the reason.
+        """
+        self._seed, self._steps = state["seed"], state["steps"]
+        reasons: list[str] = []
+        for row, log in enumerate(self._logs):
+            kept = EpisodeState(actions=state[f"actions {row}"], **state["episodes"][row])
+            reason = log.replay(kept)
+            if reason:
+                reasons.append(reason)
+                log.reset(seed=derive_seed(self._seed, self._steps, row))
+        self._look()
+        return reasons
+
+    def close(self) -> None:
+        """Close all environments."""
+        for log in self._logs:
+            log.close()
+
+    def _look(self) -> Seen:
+        """What is seen of all environments, wherever they stand."""
+        observations = np.empty(self._shape, np.float32)
+        signals: list[float] = []
+        for row, (log, task) in enumerate(zip(self._logs, self._tasks, strict=True)):
+            observations[row] = log.observation
+            signals += self._pick(task.signal_values)
+        self._seen = self._arranged(observations, signals)
+        return self._seen
+
+    def _renewed(self, reached: Seen, ended: Sequence[int]) -> Seen:
+        """What is seen after some environments are reset."""
+        following = Seen(*(array.copy() for array in reached))
+        for row in ended:
+            observation, _ = self._logs[row].reset()
+            following.observation[row] = np.ravel(observation)
+            following.signals[row] = self._pick(self._tasks[row].signal_values)
+        return following
+
+    def _arranged(self, observations: np.ndarray, signals: list[float]) -> Seen:
+        raw = np.array(signals, np.float32)
+        size = raw.size // self.number
+        return Seen(observations.reshape(self.number, -1), raw.reshape(self.number, size))
+
+
+def _picker(task: Task) -> Pick:
+    """Picks a task's signals out of their dictionary as numbers side by side."""
+    names = signal_names(task)
+    vectors = {signal.name for signal in task.signals if signal.length is not None}
+    if len(names) > 1 and vectors.isdisjoint(names):
+        return itemgetter(*names)
+
+    def pick(values: Mapping[str, Any]) -> list[float]:
+        picked: list[float] = []
+        for name in names:
+            if name in vectors:
+                picked += values[name].tolist()
+            else:
+                picked.append(values[name])
+        return picked
+
+    return pick
