@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from hprs.training import sb3
 from hprs.training.checkpoint import Checkpoint, Progress
+from hprs.training.configure import configure
 from hprs.training.listener import Silence
 from hprs.training.replay import Segment, prune, write_segments
 from hprs.training.run_directory import RunDirectory, create_runs
@@ -66,7 +66,7 @@ def megabytes(*places: Path) -> float:
 def measure(transitions: int, folder: Path, repeats: int) -> None:
     """Print every figure."""
     settings = {"buffer_size": transitions, "net_arch": [256, 256]}
-    configuration = sb3.configure(
+    configuration = configure(
         "hprs/BipedalWalker-v0", algorithm="sac", settings=settings, steps=10 * transitions
     )
     [run] = create_runs([configuration], folder)

@@ -22,6 +22,7 @@ from hprs.cli.measures_table import print_measures, print_notes
 from hprs.cli.progress import TrainingProgress
 from hprs.errors import HprsError
 from hprs.training import sb3
+from hprs.training.configure import configure
 from hprs.training.environment import make_configured
 from hprs.training.evaluation import FINAL_SEEDS, episode_seeds, evaluate
 from hprs.training.measures import measures
@@ -63,8 +64,8 @@ class Demo:
 def main(demo: Demo) -> None:
     """Run the demo."""
     start = time.monotonic()
-    configuration = sb3.configure(
-        ENVIRONMENT, task_path=demo.task, steps=demo.steps, seed=demo.seed
+    configuration = configure(
+        ENVIRONMENT, task_path=demo.task, steps=demo.steps, seed=demo.seed, trainer="sb3"
     )
     trained = demo.out / "training"
     shutil.rmtree(trained, ignore_errors=True)

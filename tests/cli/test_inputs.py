@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from hprs.spec.parser import parse_task
+from hprs.training.configure import configure
 from hprs.training.run_directory import RunDirectory
-from hprs.training.sb3 import configure
 
 QUICK = (
     "train", "hprs/CartPole-v0", "--steps", "64", "--set", "n_steps=32", "--set", "batch_size=32",

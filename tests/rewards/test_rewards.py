@@ -231,6 +231,13 @@ def test_what_is_paid_at_the_horizon_asks_for_no_discount_and_no_bootstrapping()
         assert demands == wanted
 
 
+@pytest.mark.parametrize("name", REWARDS)
+def test_a_reward_is_shaped_where_the_end_of_an_episode_matters_to_it(name: str) -> None:
+    options = options_of(name, LINE)
+    ends = [make_reward(name, LINE, horizon=100, end=e, discount=0.9, **options) for e in ENDS]
+    assert REWARDS[name].shaped == any(other != ends[0] for other in ends)
+
+
 def test_only_the_vector_pays_several_numbers() -> None:
     assert components_of(make_reward("vector", LINE)) == ("low", "there")
     assert components_of(make_reward("tltl", LINE)) is None

@@ -21,7 +21,7 @@ import torch
 from hprs.training import sb3
 from hprs.training.configuration import Configuration
 from hprs.training.run_directory import RunDirectory, create_runs
-from tests.training.small import off_policy, ppo, same_numbers, table
+from tests.training.small import configure_sb3, off_policy, ppo, same_numbers, table
 
 KINDS: dict[str, Callable[[Path], Configuration]] = {
     "ppo": lambda folder: ppo(steps=288),
@@ -33,8 +33,9 @@ KINDS: dict[str, Callable[[Path], Configuration]] = {
         evaluation_interval=500,
         evaluation_episodes=4,
     ),
-    "long sac": lambda folder: sb3.configure(
+    "long sac": lambda folder: configure_sb3(
         "hprs/BipedalWalker-v0",
+        algorithm="sac",
         settings={"environments": 2, "learning_starts": 100, "buffer_size": 1000, "batch_size": 32,
                   "net_arch": [32]},
         horizon=100,

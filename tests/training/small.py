@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import torch
 
 from hprs.training import sb3
 from hprs.training.configuration import Configuration
+from hprs.training.configure import configure
 from hprs.training.listener import Silence
 from hprs.training.run_directory import RunDirectory
 
@@ -24,10 +26,14 @@ encourage gentle: abs(velocity) <= 0.05
 """
 
 
+configure_sb3 = partial(configure, trainer="sb3")
+"""A configuration of a training with Stable-Baselines3."""
+
+
 def ppo(environment: str = CART_POLE, settings: Any = None, **options: Any) -> Configuration:
     """Three environments, scaled rewards, an evaluation a rollout."""
     small = {"environments": 3, "n_steps": 32, "batch_size": 32, "n_epochs": 2, "net_arch": [8]}
-    return sb3.configure(
+    return configure_sb3(
         environment,
         algorithm="ppo",
         settings={**small, "scale_reward": True, **(settings or {})},
@@ -42,7 +48,7 @@ def off_policy(
     task = folder / "mountain.hprs"
     task.write_text(MOUNTAIN)
     small = {"environments": 2, "learning_starts": 40, "buffer_size": 150, "batch_size": 16}
-    return sb3.configure(
+    return configure_sb3(
         "MountainCarContinuous-v0",
         task_path=str(task),
         algorithm=algorithm,

@@ -5,13 +5,17 @@ import pytest
 from hprs.errors import UsageError
 from hprs.training.algorithms import (
     ALGORITHMS,
+    OURS,
+    TRAINERS,
+    check_spaces,
     find_algorithm,
     parse_settings,
-    resolve_parameters,
 )
+from hprs.training.parameters import known_parameters, resolve_parameters
 from hprs.training.schedules import Linear, schedule
 
 OWN = {
+    **{name: (kind, value) for name, (kind, value, _) in OURS.items()},
     "learning_rate": (float | Callable[[float], float], 3e-4),
     "n_steps": (int, 2048),
     "batch_size": (int, 64),
@@ -24,19 +28,38 @@ OWN = {
 }
 
 
+SB3 = TRAINERS["sb3"]
+
+
 def resolve(**overrides):
-    return resolve_parameters(ALGORITHMS["ppo"], "CartPole-v1", overrides, OWN)
+    return resolve_parameters(SB3["ppo"], "CartPole-v1", overrides, OWN)
 
 
-def test_continuous_actions_get_sac_and_others_ppo():
-    assert find_algorithm(None, "Box").name == "sac"
-    assert find_algorithm(None, "Discrete").name == "ppo"
-    assert find_algorithm("DQN", "Discrete").name == "dqn"
+def test_ppo_with_the_jax_trainer_is_the_default():
+    assert find_algorithm() is find_algorithm("ppo") is TRAINERS["jax"]["ppo"]
+    assert find_algorithm(trainer="sb3") is SB3["ppo"]
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_an_algorithm_is_trained_by_the_first_trainer_that_offers_it(name):
+    assert find_algorithm(name.upper()).trainer == ("jax" if name in TRAINERS["jax"] else "sb3")
+    assert find_algorithm(name, "sb3") is SB3[name]
+
+
+def test_a_trainer_that_lacks_an_algorithm_says_who_has_it():
+    with pytest.raises(UsageError) as error:
+        find_algorithm("sac", "jax")
+    assert str(error.value) == ("the trainer jax has no sac; it has ppo. For sac: --trainer sb3.")
+    with pytest.raises(UsageError) as error:
+        find_algorithm(None, "sb33")
+    assert str(error.value) == (
+        "unknown trainer 'sb33'; choose one of jax, sb3. Did you mean 'sb3'?"
+    )
 
 
 def test_an_unknown_algorithm_gets_a_suggestion():
     with pytest.raises(UsageError, match=r"unknown algorithm 'pppo'.*Did you mean 'ppo'"):
-        find_algorithm("pppo", "Box")
+        find_algorithm("pppo")
 
 
 def test_an_algorithm_refuses_actions_it_cannot_handle():
@@ -44,9 +67,30 @@ def test_an_algorithm_refuses_actions_it_cannot_handle():
         UsageError,
         match=r"^sac cannot handle actions of a Discrete space; choose one of ppo, a2c, dqn.$",
     ):
-        find_algorithm("sac", "Discrete")
+        check_spaces(SB3["sac"], "Discrete")
     with pytest.raises(UsageError, match=r"no algorithm can"):
-        find_algorithm("ppo", "Tuple")
+        check_spaces(SB3["ppo"], "Tuple")
+
+
+@pytest.mark.parametrize(
+    ("spaces", "message"),
+    [
+        (("MultiDiscrete",), "actions of a MultiDiscrete space; that of sb3 can: --trainer sb3."),
+        (("Box", "Dict"), "observations of a Dict space; that of sb3 can: --trainer sb3."),
+    ],
+)
+def test_what_the_jax_trainer_cannot_handle_names_the_one_that_can(spaces, message):
+    check_spaces(SB3["ppo"], *spaces)
+    with pytest.raises(UsageError) as error:
+        check_spaces(TRAINERS["jax"]["ppo"], *spaces)
+    assert str(error.value) == f"ppo of the trainer jax cannot handle {message}"
+
+
+def test_defaults_of_lists_are_not_shared():
+    known = known_parameters(TRAINERS["jax"]["ppo"])
+    one, two = (resolve_parameters(TRAINERS["jax"]["ppo"], "", {}, known) for _ in range(2))
+    assert one == two
+    assert one["net_arch"] is not two["net_arch"]
 
 
 def test_settings_are_json_or_text():
@@ -78,14 +122,14 @@ def test_wrong_settings_are_refused(settings, message):
 
 
 def test_what_the_user_sets_wins_over_the_tables():
-    assert resolve()["n_steps"] == ALGORITHMS["ppo"].parameters["n_steps"]
+    assert resolve()["n_steps"] == SB3["ppo"].parameters["n_steps"]
     assert resolve(n_steps=5)["n_steps"] == 5
     assert resolve()["net_arch"] == [64, 64]
-    assert resolve_parameters(ALGORITHMS["ppo"], "hprs/CartPole-v0", {}, OWN)["n_steps"] != 2048
+    assert resolve_parameters(SB3["ppo"], "hprs/CartPole-v0", {}, OWN)["n_steps"] != 2048
 
 
 def test_sac_starts_with_little_entropy():
-    parameters = resolve_parameters(ALGORITHMS["sac"], "CartPole-v1", {}, OWN)
+    parameters = resolve_parameters(SB3["sac"], "CartPole-v1", {}, OWN)
     assert parameters["ent_coef"] == "auto_0.02"
 
 

@@ -12,8 +12,10 @@ import pytest
 
 from hprs.envs import BENCHMARKS
 from hprs.rewards import REWARDS
-from hprs.training import sb3
+from hprs.training.algorithms import TRAINERS
+from hprs.training.configure import configure
 from hprs.training.run_directory import create_runs
+from hprs.training.trainers import trainer_of
 from tests.rewards.episodes import options_of
 
 SMALLEST = {"environments": 1, "n_steps": 8, "batch_size": 8, "n_epochs": 1, "net_arch": [4]}
@@ -22,10 +24,14 @@ STEPS, HORIZON = 16, 6
 
 @pytest.mark.parametrize("environment", BENCHMARKS)
 @pytest.mark.parametrize("reward", [name for name in REWARDS if name != "vector"])
-def test_a_benchmark_trains_with_a_reward(tmp_path: Any, environment: str, reward: str) -> None:
-    configuration = sb3.configure(
+@pytest.mark.parametrize("trainer", TRAINERS)
+def test_a_benchmark_trains_with_a_reward(
+    tmp_path: Any, trainer: str, environment: str, reward: str
+) -> None:
+    configuration = configure(
         environment,
         algorithm="ppo",
+        trainer=trainer,
         settings=SMALLEST,
         reward=reward,
         reward_options=options_of(reward, BENCHMARKS[environment].task),
@@ -35,5 +41,5 @@ def test_a_benchmark_trains_with_a_reward(tmp_path: Any, environment: str, rewar
         evaluation_episodes=1,
     )
     [run] = create_runs([configuration], tmp_path)
-    assert sb3.train(run)
+    assert trainer_of(configuration)(run)
     assert [int(row["step"]) for row in run.evaluations()] == [0, STEPS]

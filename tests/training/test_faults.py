@@ -22,7 +22,7 @@ from hprs.training.lock import LOCK_FILE, locked
 from hprs.training.run_directory import RunDirectory, create_runs
 from hprs.training.sb3 import training as training_module
 
-from .small import Interrupter, off_policy, ppo, same_numbers, table
+from .small import Interrupter, configure_sb3, off_policy, ppo, same_numbers, table
 
 
 def training(folder, configuration=None):
@@ -230,7 +230,7 @@ def test_networks_that_end_in_nan_are_one_line_and_are_not_saved(
     tmp_path, monkeypatch, algorithm, stop
 ):
     if algorithm in ("dqn", "ppo"):
-        configuration = sb3.configure(
+        configuration = configure_sb3(
             "hprs/CartPole-v0", algorithm=algorithm, steps=96, evaluation_interval=32,
             evaluation_episodes=1, settings={"environments": 2, "net_arch": [8]}
             | ({"n_steps": 16, "batch_size": 32} if algorithm == "ppo" else {}),

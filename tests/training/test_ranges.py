@@ -2,16 +2,16 @@ import math
 import typing
 
 import pytest
-import stable_baselines3
 
 from hprs.errors import RunError, UsageError
 from hprs.training import sb3
-from hprs.training.algorithms import ALGORITHMS, OURS, resolve_parameters
+from hprs.training.algorithms import TRAINERS
+from hprs.training.parameters import known_parameters, resolve_parameters
 from hprs.training.ranges import RANGES, Range
 from hprs.training.run_directory import create_runs
 from hprs.training.sb3.model import make_model, make_vector
 from hprs.training.sb3.policy import threads
-from tests.training.small import MOUNTAIN
+from tests.training.small import MOUNTAIN, configure_sb3
 
 NAN, INFINITY = math.nan, math.inf
 
@@ -23,8 +23,7 @@ SMALL = {
 """Hyper-parameters with which a few steps are a training."""
 
 
-def own(algorithm):
-    return sb3.hyperparameters(getattr(stable_baselines3, ALGORITHMS[algorithm].class_name))
+SB3 = TRAINERS["sb3"]
 
 
 def is_numeric(kind):
@@ -32,15 +31,16 @@ def is_numeric(kind):
     return bool({int, float} & set(options)) or kind == list[int]
 
 
-NUMERIC = [
+EVERY = [algorithm for offered in TRAINERS.values() for algorithm in offered.values()]
+
+NUMBERS = [
     (algorithm, name)
-    for algorithm in ALGORITHMS
-    for name, kind in {
-        **{name: kind for name, (kind, _) in own(algorithm).items()},
-        **{name: kind for name, (kind, _, _) in OURS.items()},
-    }.items()
+    for algorithm in EVERY
+    for name, (kind, _) in known_parameters(algorithm).items()
     if is_numeric(kind)
 ]
+
+NUMERIC = [(algorithm.name, name) for algorithm, name in NUMBERS if algorithm.trainer == "sb3"]
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +52,7 @@ def task(tmp_path_factory):
 
 def configure(task, algorithm, **settings):
     environment = "MountainCar-v0" if algorithm == "dqn" else "MountainCarContinuous-v0"
-    return sb3.configure(
+    return configure_sb3(
         environment,
         task_path=task,
         algorithm=algorithm,
@@ -65,16 +65,17 @@ def configure(task, algorithm, **settings):
 
 
 def test_every_number_has_a_range():
-    assert {name for _, name in NUMERIC} == set(RANGES)
+    assert {name for _, name in NUMBERS} == set(RANGES)
 
 
-@pytest.mark.parametrize("algorithm", ALGORITHMS)
+@pytest.mark.parametrize("algorithm", EVERY, ids=lambda found: f"{found.trainer} {found.name}")
 def test_what_is_no_finite_number_is_one_line(algorithm):
-    for name in (name for owner, name in NUMERIC if owner == algorithm):
+    known = known_parameters(algorithm)
+    for name in (name for owner, name in NUMBERS if owner == algorithm):
         for value in (NAN, INFINITY, -INFINITY, 10**400, True, "nonsense", {}, ["x"], [NAN]):
             with pytest.raises(UsageError) as error:
-                resolve_parameters(ALGORITHMS[algorithm], "", {name: value}, own(algorithm))
-            assert str(error.value).startswith(f"{algorithm}'s {name} must ")
+                resolve_parameters(algorithm, "", {name: value}, known)
+            assert str(error.value).startswith(f"{algorithm.name}'s {name} must ")
             assert "\n" not in str(error.value)
 
 
@@ -106,9 +107,9 @@ def learn(configuration):
     environments.close()
 
 
-@pytest.mark.parametrize("algorithm", [name for name, found in ALGORITHMS.items() if found.critic])
+@pytest.mark.parametrize("algorithm", [name for name, found in SB3.items() if found.critic])
 def test_policy_and_critics_may_have_other_layers(task, algorithm):
-    critic = ALGORITHMS[algorithm].critic
+    critic = SB3[algorithm].critic
     configuration = configure(task, algorithm, net_arch={"pi": [4], critic: [5, 6]})
     environments = make_vector(configuration)
     model = make_model(configuration, environments)
@@ -129,6 +130,30 @@ def test_an_algorithm_of_one_network_takes_one_list(task):
     with pytest.raises(UsageError) as error:
         configure(task, "dqn", net_arch={"pi": [4], "qf": [4]})
     assert str(error.value).startswith("dqn's net_arch must be a list like [64, 64], got {")
+
+
+JAX_PPO = TRAINERS["jax"]["ppo"]
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"batch_size": 100}, "ppo's batch_size must divide its environments times its n_steps, got 100, 16 and 256."),
+        ({"batch_size": 8192}, "ppo's batch_size must divide its environments times its n_steps, got 8192, 16 and 256."),
+        ({"batch_size": 1}, "ppo cannot normalise the advantage of one step: raise batch_size, n_steps or environments, or set normalize_advantage=false."),
+        ({"log_std_init": -50}, "ppo's log_std_init must lie in [-20, 2], got -50."),
+        ({"gae_lambda": 1.5}, "ppo's gae_lambda must lie in [0, 1], got 1.5."),
+        ({"clip_range": "linear_0.2"}, 'ppo\'s clip_range must be a number, got "linear_0.2".'),
+        ({"learning_rate": "fast"}, 'ppo\'s learning_rate must be a number or a schedule like linear_0.001, got "fast".'),
+        ({"net_arch": {"pi": [8], "vf": [8]}}, 'ppo\'s net_arch must be a list like [64, 64], got {"pi": [8], "vf": [8]}.'),
+        ({"critic_signals": 1}, "ppo's critic_signals must be true or false, got 1."),
+        ({"threads": 2}, "ppo has no hyper-parameter 'threads'."),
+    ],
+)  # fmt: skip
+def test_a_value_that_the_jax_trainer_cannot_mean_is_said(settings, message):
+    with pytest.raises(UsageError) as error:
+        resolve_parameters(JAX_PPO, "", settings, known_parameters(JAX_PPO))
+    assert str(error.value).startswith(message)
 
 
 def ends(found):
@@ -176,7 +201,7 @@ def test_a_value_out_of_range_is_said(task, algorithm, settings, message):
 
 def test_exploration_that_depends_on_the_state_needs_continuous_actions(task):
     with pytest.raises(UsageError, match=r"^ppo's use_sde needs actions of a Box space, not"):
-        sb3.configure("hprs/CartPole-v0", settings={"use_sde": True})
+        configure_sb3("hprs/CartPole-v0", settings={"use_sde": True})
 
 
 @pytest.mark.parametrize(

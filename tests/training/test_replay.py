@@ -144,7 +144,7 @@ def test_a_training_on_dictionaries_resumes_bit_for_bit(tmp_path):
     from hprs.training import sb3
     from hprs.training.run_directory import create_runs
 
-    from .small import Interrupter, off_policy, same_numbers
+    from .small import Interrupter, configure_sb3, off_policy, same_numbers
 
     gym.register("Split-v0", Split)
     (tmp_path / "split.hprs").write_text(
@@ -152,8 +152,8 @@ def test_a_training_on_dictionaries_resumes_bit_for_bit(tmp_path):
     )
     try:
         small = off_policy(tmp_path)
-        configuration = sb3.configure(
-            "Split-v0", task_path=str(tmp_path / "split.hprs"), steps=150, horizon=25,
+        configuration = configure_sb3(
+            "Split-v0", algorithm="sac", task_path=str(tmp_path / "split.hprs"), steps=150, horizon=25,
             evaluation_interval=60, evaluation_episodes=1,
             settings={name: small.parameters[name] for name in ("environments", "learning_starts", "net_arch")},
         )  # fmt: skip

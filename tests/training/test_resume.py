@@ -11,7 +11,16 @@ from gymnasium import spaces
 from hprs.training import episode_log, sb3
 from hprs.training.run_directory import RunDirectory, create_runs
 
-from .small import CART_POLE, Interrupter, Killer, off_policy, ppo, same_numbers, table
+from .small import (
+    CART_POLE,
+    Interrupter,
+    Killer,
+    configure_sb3,
+    off_policy,
+    ppo,
+    same_numbers,
+    table,
+)
 
 
 def trained(configuration, folder):
@@ -47,14 +56,15 @@ CASES = {
     "sac, gSDE, several steps": lambda folder: off_policy(
         folder, "sac", {"use_sde": True, "n_steps": 3, "train_freq": 4}
     ),
-    "sac, Box2D": lambda folder: sb3.configure(
+    "sac, Box2D": lambda folder: configure_sb3(
         "hprs/LunarLanderObstacle-v0",
+        algorithm="sac",
         settings={"environments": 2, "learning_starts": 40, "buffer_size": 150, "batch_size": 16,
                   "net_arch": [8]},
         horizon=60, steps=240, evaluation_interval=45, evaluation_episodes=1,
     ),
     "td3 with noise": lambda folder: off_policy(folder, "td3", {"action_noise": 0.2}),
-    "a2c": lambda folder: sb3.configure(
+    "a2c": lambda folder: configure_sb3(
         CART_POLE,
         algorithm="a2c",
         settings={"environments": 2, "net_arch": [8]},
@@ -62,7 +72,7 @@ CASES = {
         evaluation_interval=90,
         evaluation_episodes=2,
     ),
-    "dqn": lambda folder: sb3.configure(
+    "dqn": lambda folder: configure_sb3(
         CART_POLE,
         algorithm="dqn",
         settings={"environments": 2, "net_arch": [8], "learning_starts": 20, "scale_reward": True,
@@ -165,7 +175,7 @@ def test_an_episode_that_does_not_come_back_is_restarted_and_the_run_says_so(
         settings |= {"n_steps": 40, "batch_size": 40}
     else:
         settings |= {"learning_starts": 10, "n_steps": 3}
-    configuration = sb3.configure(
+    configuration = configure_sb3(
         "Moody-v0", task_path=str(tmp_path / "calm.hprs"), algorithm=algorithm, settings=settings,
         environment_options=options, steps=300, evaluation_interval=300, evaluation_episodes=1,
     )  # fmt: skip
@@ -230,7 +240,7 @@ def test_a_training_on_pictures_resumes(tmp_path, hidden):
     gym.register("Picture-v0", Picture, max_episode_steps=7)
     (tmp_path / "red.hprs").write_text("signal x = action in [0, 1]\nencourage left: x <= 0.5\n")
     try:
-        configuration = sb3.configure(
+        configuration = configure_sb3(
             "Picture-v0", task_path=str(tmp_path / "red.hprs"), environment_options={"hidden": hidden},
             settings={"environments": 2, "n_steps": 5, "batch_size": 10, "n_epochs": 1, "net_arch": [4],
                       "policy_kwargs": {"features_extractor_kwargs": {"features_dim": 8}}},

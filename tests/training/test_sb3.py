@@ -16,6 +16,7 @@ from hprs.training.listener import Silence
 from hprs.training.run_directory import RunDirectory, create_runs
 from hprs.training.sb3.model import make_vector
 from hprs.training.sb3.policy import stack
+from tests.training.small import configure_sb3
 
 CART_POLE = "hprs/CartPole-v0"
 SMALL = {"environments": 2, "n_steps": 32, "batch_size": 32, "n_epochs": 1, "net_arch": [8]}
@@ -37,13 +38,14 @@ def mountain(tmp_path):
 
 def ppo(**options):
     arguments = {"steps": 192, "evaluation_interval": 64, "evaluation_episodes": 2} | options
-    return sb3.configure(CART_POLE, settings=SMALL, **arguments)
+    return configure_sb3(CART_POLE, settings=SMALL, **arguments)
 
 
 def sac(mountain, **options):
     settings = {"learning_starts": 20, "buffer_size": 5000, "net_arch": [8], "batch_size": 16}
-    return sb3.configure(
+    return configure_sb3(
         "MountainCarContinuous-v0",
+        algorithm="sac",
         task_path=mountain,
         settings=settings,
         horizon=40,
@@ -221,12 +223,12 @@ def test_a_policy_acts_on_one_thread_and_leaves_pytorch_as_it_was(tmp_path, monk
 
 
 def test_invariant_shaping_shares_the_learners_discount():
-    configuration = sb3.configure(CART_POLE, end="invariant", settings={"gamma": 0.9})
+    configuration = configure_sb3(CART_POLE, end="invariant", settings={"gamma": 0.9})
     assert make_configured(configuration).reward.discount == 0.9
 
 
 def test_the_shaped_reward_reaches_the_learner(tmp_path):
-    configuration = sb3.configure(CART_POLE, settings={"environments": 1, "scale_reward": False})
+    configuration = configure_sb3(CART_POLE, settings={"environments": 1, "scale_reward": False})
     vector = make_vector(configuration)
     vector.seed(3)
     vector.reset()
@@ -240,7 +242,7 @@ def test_the_shaped_reward_reaches_the_learner(tmp_path):
 def test_a_reward_paid_at_the_horizon_makes_it_the_end_for_the_learner(reward, terminal):
     """Stable-Baselines3 bootstraps where it is told that a time limit cut an episode."""
     settings = {"environments": 1, "scale_reward": False}
-    configuration = sb3.configure(CART_POLE, reward=reward, settings=settings, horizon=2)
+    configuration = configure_sb3(CART_POLE, reward=reward, settings=settings, horizon=2)
     vector = make_vector(configuration)
     vector.seed(3)
     vector.reset()
@@ -322,7 +324,7 @@ def test_another_file_is_no_policy(tmp_path):
 )  # fmt: skip
 def test_a_wrong_training_is_refused_before_it_starts(options, kind, message):
     with pytest.raises(kind) as error:
-        sb3.configure(**({"environment": CART_POLE} | options))
+        configure_sb3(**({"environment": CART_POLE} | options))
     assert str(error.value).startswith(message)
 
 
@@ -330,17 +332,17 @@ def test_a_task_that_does_not_fit_the_environment_is_refused(tmp_path, mountain)
     with pytest.raises(
         UsageError, match=r"there is no task file '.*mountan.hprs'. Did you mean 'mountain.hprs'"
     ):
-        sb3.configure(CART_POLE, task_path=mountain.replace("mountain.", "mountan."))
+        configure_sb3(CART_POLE, task_path=mountain.replace("mountain.", "mountan."))
     wrong = tmp_path / "wrong.hprs"
     wrong.write_text("signal x = obs[9] in [0, 1]\nensure low: x <= 0.5\n")
     with pytest.raises(SignalError, match=r"'x'"):
-        sb3.configure(CART_POLE, task_path=str(wrong))
+        configure_sb3(CART_POLE, task_path=str(wrong))
     wrong.write_text("# nothing\n")
     with pytest.raises(UsageError, match=r"wrong.hprs has no requirement: it asks nothing."):
-        sb3.configure(CART_POLE, task_path=str(wrong))
+        configure_sb3(CART_POLE, task_path=str(wrong))
     wrong.write_text("ensure\n")
     with pytest.raises(SpecError):
-        sb3.configure(CART_POLE, task_path=str(wrong))
+        configure_sb3(CART_POLE, task_path=str(wrong))
 
 
 @pytest.mark.skipif(not Path("/dev/fd").exists(), reason="needs pipes with a name")
@@ -349,14 +351,14 @@ def test_a_task_is_read_once_so_that_it_may_come_through_a_pipe():
     reading, writing = os.pipe()
     os.write(writing, text.encode())
     os.close(writing)
-    configuration = sb3.configure(CART_POLE, task_path=f"/dev/fd/{reading}")
+    configuration = configure_sb3(CART_POLE, task_path=f"/dev/fd/{reading}")
     os.close(reading)
     assert configuration.task_text == text
     assert configuration.task.labels == ("near",)
 
 
 def test_what_stable_baselines3_refuses_is_one_line(tmp_path):
-    configuration = sb3.configure(CART_POLE, settings={"policy_kwargs": {"ortho": True}})
+    configuration = configure_sb3(CART_POLE, settings={"policy_kwargs": {"ortho": True}})
     [run] = create_runs([configuration], tmp_path)
     with pytest.raises(UsageError, match=r"Stable-Baselines3 refuses this training"):
         sb3.train(run)

@@ -4,15 +4,21 @@ import pytest
 
 from hprs.envs import BENCHMARKS
 from hprs.errors import UsageError
-from hprs.training import algorithms, sb3
-from hprs.training.algorithms import ALGORITHMS, default_steps, find_algorithm, tuning_of
+from hprs.training import algorithms
+from hprs.training.algorithms import TRAINERS, default_steps, find_algorithm, tuning_of
+from hprs.training.configure import configure
 from hprs.training.tuning import Tuning, parse_tuning
+from tests.training.small import configure_sb3
 
 TEXT = """
 steps = 300_000
-algorithm = "ppo"
 [ppo]
 n_steps = 128
+[sb3.ppo]
+n_steps = 64
+[sb3.sac]
+steps = 1_000_000
+tau = 0.01
 """
 
 PAPER = {
@@ -26,23 +32,32 @@ PAPER = {
 
 
 def parse(text):
-    return parse_tuning(text, path="here.toml", algorithms=ALGORITHMS)
+    return parse_tuning(text, path="here.toml", trainers=TRAINERS)
 
 
 def test_a_file_says_how_long_with_what_and_how():
-    assert parse(TEXT) == Tuning("here.toml", 300_000, "ppo", {"ppo": {"n_steps": 128}})
+    found = parse(TEXT)
+    sb3 = {"ppo": {"n_steps": 64}, "sac": {"steps": 1_000_000, "tau": 0.01}}
+    assert found == Tuning("here.toml", 300_000, {"jax": {"ppo": {"n_steps": 128}}, "sb3": sb3})
+    assert found.table("jax", "ppo") == {"n_steps": 128}
+    assert found.table("sb3", "sac") == {"tau": 0.01}
+    assert found.table("sb3", "td3") == {}
+    assert (found.steps_of("jax", "ppo"), found.steps_of("sb3", "sac")) == (300_000, 1_000_000)
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (TEXT.replace("steps =", "stepps =", 1), "here.toml: unknown key 'stepps'. Did you mean 'steps'? It may hold steps, algorithm, ppo, a2c, sac, td3, ddpg, dqn."),
-        (TEXT.replace("[ppo]", "[pppo]"), "here.toml: unknown key 'pppo'. Did you mean 'ppo'? It may hold steps, algorithm, ppo, a2c, sac, td3, ddpg, dqn."),
-        ('algorithm = "ppo"', "here.toml: 'steps' must be a whole number from 1 on, got None."),
+        (TEXT.replace("steps =", "stepps =", 1), "here.toml: unknown key 'stepps'. Did you mean 'steps'? It may hold steps, ppo, sb3."),
+        (TEXT.replace("[ppo]", "[pppo]"), "here.toml: unknown key 'pppo'. Did you mean 'ppo'? It may hold steps, ppo, sb3."),
+        ("[ppo]", "here.toml: 'steps' must be a whole number from 1 on, got None."),
         (TEXT.replace("300_000", "0"), "here.toml: 'steps' must be a whole number from 1 on, got 0."),
         (TEXT.replace("300_000", "true"), "here.toml: 'steps' must be a whole number from 1 on, got True."),
-        (TEXT.replace('"ppo"', '"zzz"'), "here.toml: 'algorithm' must be one of ppo, a2c, sac, td3, ddpg, dqn, got 'zzz'."),
-        ('steps = 1\nalgorithm = "ppo"\nsac = 3', "here.toml: 'sac' must be a table: [sac] on a line of its own."),
+        (TEXT.replace("[sb3.ppo]", "[sb3.pppo]"), "here.toml: unknown key 'sb3.pppo'. Did you mean 'sb3.ppo'? It may hold sb3.ppo, sb3.a2c, sb3.sac, sb3.td3, sb3.ddpg, sb3.dqn."),
+        (TEXT.replace("1_000_000", "-1"), "here.toml: 'sb3.sac.steps' must be a whole number from 1 on, got -1."),
+        ("steps = 1\nppo = 3", "here.toml: 'ppo' must be a table: [ppo] on a line of its own."),
+        ("steps = 1\nsb3 = 3", "here.toml: 'sb3' must be a table: [sb3] on a line of its own."),
+        ("steps = 1\nsb3.sac = 3", "here.toml: 'sb3.sac' must be a table: [sb3.sac] on a line of its own."),
         ("steps = ", "here.toml: it is no TOML: Invalid value (at end of document)"),
     ],
 )  # fmt: skip
@@ -59,37 +74,42 @@ def test_a_wrong_file_is_an_error_with_its_name(text, message):
         ("n_steps = 0.5", "hprs/CartPole-v0/mine.toml: ppo's n_steps must be a whole number"),
     ],
 )  # fmt: skip
+@pytest.mark.parametrize(("table", "trainer"), [("ppo", "jax"), ("sb3.ppo", "sb3")])
 def test_a_wrong_hyper_parameter_in_a_file_is_an_error_with_its_name(
-    monkeypatch, tmp_path, line, message
+    monkeypatch, tmp_path, table, trainer, line, message
 ):
     package = tmp_path / f"tuning_of_{tmp_path.name}"
     package.mkdir()
     (package / "__init__.py").touch()
-    (package / "mine.toml").write_text(f'steps = 1\nalgorithm = "ppo"\n[ppo]\n{line}\n')
+    (package / "mine.toml").write_text(f"steps = 1\n[{table}]\n{line}\n")
     monkeypatch.syspath_prepend(tmp_path)
     changed = replace(
         BENCHMARKS["hprs/CartPole-v0"], package=package.name, hyperparameters="mine.toml"
     )
     monkeypatch.setattr(algorithms, "benchmark_of", {changed.id: changed}.get)
     with pytest.raises(UsageError) as error:
-        sb3.configure("hprs/CartPole-v0")
+        configure("hprs/CartPole-v0", trainer=trainer)
     assert str(error.value).startswith(message)
 
 
 @pytest.mark.parametrize("name", BENCHMARKS)
-def test_every_benchmark_has_a_file_whose_algorithm_trains_it(name):
+def test_every_benchmark_has_a_file_that_trains_it(name):
     tuning = tuning_of(name)
-    configuration = sb3.configure(name)
-    assert (configuration.steps, configuration.algorithm) == (tuning.steps, tuning.algorithm)
-    for algorithm, table in tuning.tables.items():
-        chosen = sb3.configure(name, algorithm=algorithm).parameters
-        assert {key: chosen[key] for key in table} == dict(table)
+    default = configure(name)
+    assert (default.trainer, default.algorithm) == ("jax", "ppo")
+    assert default.steps == tuning.steps_of("jax", "ppo")
+    for trainer, tables in tuning.tables.items():
+        for algorithm in tables:
+            chosen = configure(name, algorithm=algorithm, trainer=trainer)
+            table = tuning.table(trainer, algorithm)
+            assert {key: chosen.parameters[key] for key in table} == table
+            assert chosen.steps == tuning.steps_of(trainer, algorithm)
 
 
 @pytest.mark.parametrize("name", PAPER)
 def test_the_papers_environments_are_trained_as_in_the_paper(name):
     steps, buffer, first, tau, layers = PAPER[name]
-    configuration = sb3.configure(name)
+    configuration = configure_sb3(name, algorithm="sac")
     found = configuration.parameters
     assert (configuration.algorithm, configuration.steps) == ("sac", steps)
     assert configuration.evaluation_interval == 10_000
@@ -103,6 +123,4 @@ def test_the_papers_environments_are_trained_as_in_the_paper(name):
 
 def test_another_environment_has_no_file():
     assert tuning_of("CartPole-v1") is None
-    assert default_steps("CartPole-v1") == algorithms.DEFAULT_STEPS
-    assert find_algorithm(None, "Box", "Pendulum-v1").name == "sac"
-    assert find_algorithm(None, "Box", "hprs/CartPole-v0").name == "ppo"
+    assert default_steps("CartPole-v1", find_algorithm()) == algorithms.DEFAULT_STEPS

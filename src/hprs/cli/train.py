@@ -13,15 +13,20 @@ from hprs.cli.inputs import Constants
 from hprs.errors import UsageError
 from hprs.rewards.registry import REWARDS
 from hprs.rewards.shaping import End
-from hprs.training.algorithms import ALGORITHMS, DEFAULT_ALGORITHMS, DEFAULT_STEPS, OURS
-from hprs.training.configuration import Configuration
+from hprs.training.algorithms import (
+    ALGORITHMS,
+    DEFAULT_ALGORITHM,
+    DEFAULT_STEPS,
+    OURS,
+    TRAINERS,
+)
+from hprs.training.configuration import OFTEN, SELDOM, Configuration
+from hprs.training.ppo.settings import HYPERPARAMETERS
 
 if TYPE_CHECKING:
     from hprs.training.run_directory import RunDirectory
 
 _ANY_HORIZON = 10**9
-
-_SUITED = ", ".join(f"{name} for {space} actions" for space, name in DEFAULT_ALGORITHMS.items())
 
 
 @dataclass(frozen=True)
@@ -89,8 +94,18 @@ class Train:
         tyro.conf.arg(
             metavar="NAME",
             help_behavior_hint="",
-            help=f"{', '.join(ALGORITHMS)}; default: that of the benchmark's file, else {_SUITED}, "
-            "else ppo.",
+            help=f"{', '.join(ALGORITHMS)}; default: {DEFAULT_ALGORITHM}.",
+        ),
+    ] = None
+    trainer: Annotated[
+        str | None,
+        tyro.conf.arg(
+            metavar="NAME",
+            help_behavior_hint="",
+            help="; ".join(
+                f"{trainer} ({', '.join(offered)})" for trainer, offered in TRAINERS.items()
+            )
+            + "; default: the first that has the algorithm.",
         ),
     ] = None
     settings: Annotated[
@@ -98,7 +113,9 @@ class Train:
         tyro.conf.arg(
             name="set",
             metavar="KEY=VALUE",
-            help=f"A hyper-parameter, as Stable-Baselines3 names it, or one of {', '.join(OURS)}.",
+            help="A hyper-parameter. Of the trainer jax, ppo: "
+            f"{', '.join(HYPERPARAMETERS)}. Of sb3: as Stable-Baselines3 names it, or one of "
+            f"{', '.join(OURS)}.",
         ),
     ] = ()
     options: Annotated[
@@ -108,8 +125,16 @@ class Train:
     """An option of the environment, as its constructor names it."""
     horizon: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
     """End episodes after this many steps; default: the environment's own horizon."""
-    evaluate_every: Annotated[int, tyro.conf.arg(metavar="N")] = Configuration.evaluation_interval
-    """Steps between two evaluations."""
+    evaluate_every: Annotated[
+        int | None,
+        tyro.conf.arg(
+            metavar="N",
+            help_behavior_hint="",
+            help="Steps between two evaluations; default: with the trainer jax a hundredth of the "
+            f"training, with sb3 {Configuration.evaluation_interval:,}. With jax it becomes "
+            f"{SELDOM} times as long after {OFTEN} evaluations.",
+        ),
+    ] = None
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("runs")
     """Where run directories are made."""
     resume: Annotated[Path | None, tyro.conf.arg(metavar="RUN", help_behavior_hint="")] = None
@@ -138,8 +163,8 @@ class Train:
         from typing import cast
 
         from hprs.spec.parameters import parse_constants
-        from hprs.training import sb3
         from hprs.training.algorithms import parse_settings
+        from hprs.training.configure import configure
 
         if self.environment is None:
             raise UsageError("name an environment, or a run with --resume; see hprs train --help")
@@ -152,7 +177,7 @@ class Train:
             raise UsageError("--seeds takes a number from 1 on, and excludes --seed.")
         if self.seed < 0:
             raise UsageError(f"--seed must not be negative, got {self.seed}.")
-        return sb3.configure(
+        return configure(
             self.environment,
             task_path=self.task,
             constants=parse_constants(self.constants),
@@ -160,6 +185,7 @@ class Train:
             end=cast("End", self.end),
             reward_options=parse_settings(self.reward_options, "--reward-set"),
             algorithm=self.algorithm,
+            trainer=self.trainer,
             settings=parse_settings(self.settings),
             environment_options=parse_settings(self.options, "--env"),
             steps=self.steps,
@@ -178,7 +204,7 @@ def _demands(configuration: Configuration) -> list[str]:
     """What the reward asks of the learner, and whether it gets it."""
     from hprs.rewards.base import demands_of
     from hprs.rewards.registry import make_reward
-    from hprs.training.algorithms import demanded_parameters
+    from hprs.training.parameters import demanded_parameters
 
     reward = make_reward(
         configuration.reward,
@@ -202,7 +228,7 @@ def _demands(configuration: Configuration) -> list[str]:
 def _train_all(runs: list[RunDirectory]) -> int:
     from hprs.cli.console import console
     from hprs.cli.progress import TrainingProgress
-    from hprs.training import sb3
+    from hprs.training.trainers import trainer_of
 
     out = console()
     listener = TrainingProgress(out, seeds=len(runs))
@@ -212,7 +238,7 @@ def _train_all(runs: list[RunDirectory]) -> int:
     for run in runs:
         before = listener.trainings
         try:
-            complete = sb3.train(run, listener)
+            complete = trainer_of(run.configuration)(run, listener)
         except KeyboardInterrupt:
             complete = False
         if not complete:

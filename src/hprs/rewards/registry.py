@@ -43,6 +43,8 @@ class RewardKind:
     """What else can be said of it."""
     required: tuple[str, ...] = ()
     """Those of them that must be said."""
+    shaped: bool = False
+    """Whether it has a convention for the end of an episode."""
 
 
 def _hierarchical(task: Task, context: Context) -> Reward:
@@ -100,18 +102,18 @@ def _vector(task: Task, context: Context, **options: Any) -> Reward:
 
 REWARDS: Mapping[str, RewardKind] = MappingProxyType(
     {
-        "hprs": RewardKind(_hierarchical),
-        "hprs-no-comfort": RewardKind(_without_comfort),
+        "hprs": RewardKind(_hierarchical, shaped=True),
+        "hprs-no-comfort": RewardKind(_without_comfort, shaped=True),
         "sparse": RewardKind(_sparse),
         "env": RewardKind(_environment),
-        "morl": RewardKind(_weighted, ("weights",), required=("weights",)),
-        "morl-uniform": RewardKind(_uniform),
-        "morl-decreasing": RewardKind(_decreasing),
+        "morl": RewardKind(_weighted, ("weights",), required=("weights",), shaped=True),
+        "morl-uniform": RewardKind(_uniform, shaped=True),
+        "morl-decreasing": RewardKind(_decreasing, shaped=True),
         "tltl": RewardKind(_tltl, ("margins",)),
         "bhnr": RewardKind(_bhnr, ("window", "form")),
         "rank-preserving": RewardKind(_rank_preserving, ("base", "margins")),
         "pam": RewardKind(_pam),
-        "vector": RewardKind(_vector, ("form",)),
+        "vector": RewardKind(_vector, ("form",), shaped=True),
     }
 )
 """Name to reward."""

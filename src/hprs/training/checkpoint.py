@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -34,8 +34,18 @@ class Progress:
     best_step: int = -1
     """The step of that evaluation."""
 
-    def after(self, step: int, episodes: Sequence[Episode], interval: int) -> Progress:
-        """The progress after an evaluation; of equally good policies the first stays the best."""
+    def after(
+        self, step: int, episodes: Sequence[Episode], interval_after: Callable[[int], int]
+    ) -> Progress:
+        """The progress after an evaluation; of equally good policies the first stays the best.
+
+        Args:
+            step: The step at which the policy was evaluated.
+            episodes: The evaluation's episodes.
+            interval_after: Steps to the next evaluation, by the number of evaluations made:
+                `Configuration.interval_after`.
+        """
+        interval = interval_after(self.evaluations + 1)
         pam = float(np.mean([episode.assessment.pam for episode in episodes]))
         better = pam > self.best_pam
         return Progress(

@@ -15,6 +15,9 @@ from hprs.spec.json_format import task_to_json
 from hprs.spec.parser import parse_task
 from hprs.spec.task import Task
 
+OFTEN, SELDOM = 50, 10
+"""After so many evaluations the JAX trainer's interval becomes so many times as long."""
+
 
 @dataclass(frozen=True)
 class Configuration:
@@ -25,7 +28,7 @@ class Configuration:
     task_text: str
     """The task, as its file says it."""
     algorithm: str
-    """A key of `ALGORITHMS`."""
+    """One of `ALGORITHMS`."""
     parameters: Mapping[str, Any]
     """All hyper-parameters of the algorithm."""
     steps: int
@@ -37,7 +40,7 @@ class Configuration:
     horizon: int | None = None
     """Steps after which an episode is truncated; None: the environment's own horizon."""
     evaluation_interval: int = 10_000
-    """Environment steps between two evaluations."""
+    """Environment steps between two evaluations; later more, see `interval_after`."""
     evaluation_episodes: int = 10
     """Episodes of an evaluation."""
     seed: int = 0
@@ -46,6 +49,8 @@ class Configuration:
     """Keyword arguments of `gymnasium.make`, as JSON values."""
     reward_options: Mapping[str, Any] = field(default_factory=dict[str, Any])
     """The reward's own options, as JSON values."""
+    trainer: str = "sb3"
+    """A key of `TRAINERS`; runs that do not say are older than all others."""
 
     @cached_property
     def task(self) -> Task:
@@ -63,6 +68,16 @@ class Configuration:
         # Runs of earlier versions do not say.
         return self.parameters.get("horizon_is_terminal", False)
 
+    def interval_after(self, evaluations: int) -> int:
+        """Environment steps between an evaluation and the next.
+
+        Args:
+            evaluations: How many there were, this one included.
+        """
+        # Most is learned early, and an evaluation costs as much as many steps of a fast trainer.
+        seldom = self.trainer == "jax" and evaluations >= OFTEN
+        return self.evaluation_interval * (SELDOM if seldom else 1)
+
     @property
     def digest(self) -> str:
         """Eight hexadecimal digits that differ where numbers can; the seed is left out."""
@@ -73,6 +88,8 @@ class Configuration:
             del content["reward_options"]
         if not self.horizon_is_terminal:
             content["parameters"].pop("horizon_is_terminal", None)
+        if content["trainer"] == "sb3":
+            del content["trainer"]
         # The task's meaning, not its text: a comment changes no number.
         content["task_text"] = task_to_json(self.task)
         text = json.dumps(content, sort_keys=True, separators=(",", ":"))

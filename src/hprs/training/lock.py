@@ -26,7 +26,7 @@ def locked(folder: Path, advice: str = "") -> Iterator[None]:
     Raises:
         RunError: Another process is there, or the folder cannot be written.
     """
-    filelock = require("filelock", "sb3")
+    filelock = require("filelock", "jax")
     file = folder / LOCK_FILE
     lock = filelock.FileLock(file, timeout=0)
     with files.writing(folder, advice):

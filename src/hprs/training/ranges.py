@@ -1,7 +1,7 @@
 """The range of every hyper-parameter that is a number, and what must hold between several.
 
 Stable-Baselines3 checks few of its arguments: most nonsense either trains nothing, silently, or
-fails in the middle of a training.
+fails in the middle of a training. The trainers of our own check none: what reaches them is right.
 """
 
 from __future__ import annotations
@@ -76,6 +76,8 @@ RANGES: Mapping[str, Range] = MappingProxyType(
         "gradient_steps": Range(1, 10**6, special=-1),
         "learning_rate": _POSITIVE_FRACTION,
         "learning_starts": Range(0, 10**9),
+        # A deviation of more than e^2 times half the range of actions is none; e^-20 is 0.
+        "log_std_init": Range(-20.0, 2.0),
         "max_grad_norm": _POSITIVE,
         "n_epochs": Range(1, 10**6),
         "n_steps": Range(1, 10**6),
@@ -97,6 +99,9 @@ RANGES: Mapping[str, Range] = MappingProxyType(
     }
 )
 """Hyper-parameter to its range, in every algorithm that has it; of a list, each item's."""
+
+_SCHEDULED = ("learning_rate",)
+"""Hyper-parameters whose only texts are schedules."""
 
 _UNITS = ("step", "episode")
 """What `train_freq` may be counted in."""
@@ -157,6 +162,21 @@ def check_together(algorithm: str, parameters: Mapping[str, Any]) -> None:
             )
 
 
+def check_minibatches(algorithm: str, parameters: Mapping[str, Any]) -> None:
+    """Check that the transitions of a rollout can be divided into equal minibatches.
+
+    Raises:
+        UsageError: They cannot.
+    """
+    length, environments = parameters["n_steps"], parameters["environments"]
+    batch = parameters["batch_size"]
+    if length * environments % batch:
+        raise UsageError(
+            f"{algorithm}'s batch_size must divide its environments times its n_steps, "
+            f"got {batch}, {environments} and {length}."
+        )
+
+
 def shown(value: Any) -> str:
     """A value for a message: JSON, cut where it is long."""
     text = json.dumps(value)
@@ -174,6 +194,11 @@ def _check_text(algorithm: str, name: str, value: str) -> None:
             )
     elif name == "target_entropy" and value != "auto":
         raise UsageError(f"{algorithm}'s target_entropy must be a number or auto, got {value!r}.")
+    elif name in _SCHEDULED and start is None:
+        raise UsageError(
+            f"{algorithm}'s {name} must be a number or a schedule like linear_0.001, "
+            f"got {shown(value)}."
+        )
     elif start is not None and start not in RANGES[name]:
         raise UsageError(f"{algorithm}'s {name} must {RANGES[name]}, got {shown(value)}.")
 

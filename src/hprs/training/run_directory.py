@@ -68,8 +68,9 @@ class RunDirectory:
             found = dict(content["configuration"])
             if content["format"] == 1:
                 found["environment_options"] = {}
-            # Younger than format 3, and absent where nothing was said.
+            # Younger than format 3, and absent where there was nothing to say.
             found.setdefault("reward_options", {})
+            found.setdefault("trainer", "sb3")
             return Configuration.from_json(found)
         except (RunError, KeyError, TypeError, ValueError) as error:
             raise RunError(f"{self.path / RUN_FILE} cannot be used: {error}") from None

@@ -2,20 +2,27 @@
 
 ```
 steps = 300_000         # environment steps of a training
-algorithm = "ppo"       # the algorithm taken by default
-[ppo]                   # one table an algorithm: the hyper-parameters tuned for it
+
+[ppo]                   # the JAX trainer's hyper-parameters, one table an algorithm
 n_steps = 128
+
+[sb3.sac]               # those of another trainer, Stable-Baselines3
+steps = 1_000_000       # a table may want another number of steps
+buffer_size = 300_000
 ```
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from hprs.errors import UsageError, did_you_mean
+
+OWNER = "jax"
+"""The trainer whose tables stand at the top level."""
 
 
 @dataclass(frozen=True)
@@ -26,42 +33,69 @@ class Tuning:
     """The file's name, for messages."""
     steps: int
     """Environment steps of a training that suffices."""
-    algorithm: str
-    """The algorithm taken by default."""
-    tables: Mapping[str, Mapping[str, Any]]
-    """Algorithm to its hyper-parameters."""
+    tables: Mapping[str, Mapping[str, Mapping[str, Any]]]
+    """Trainer to algorithm to its hyper-parameters, and perhaps `steps`."""
+
+    def table(self, trainer: str, algorithm: str) -> dict[str, Any]:
+        """The hyper-parameters tuned for an algorithm; none, where it has no table."""
+        return {k: v for k, v in self._table(trainer, algorithm).items() if k != "steps"}
+
+    def steps_of(self, trainer: str, algorithm: str) -> int:
+        """Environment steps of a training that suffices for an algorithm."""
+        return self._table(trainer, algorithm).get("steps", self.steps)
+
+    def _table(self, trainer: str, algorithm: str) -> Mapping[str, Any]:
+        return self.tables.get(trainer, {}).get(algorithm, {})
 
 
-def parse_tuning(text: str, *, path: str, algorithms: Collection[str]) -> Tuning:
+def parse_tuning(text: str, *, path: str, trainers: Mapping[str, Collection[str]]) -> Tuning:
     """Read a tuning file.
 
     Args:
         text: Its text.
         path: Its name, for messages.
-        algorithms: The algorithms that exist.
+        trainers: Trainer to the algorithms it offers.
 
     Raises:
         UsageError: It is no TOML, lacks a key, or has one that is unknown or of the wrong type.
     """
     content = _parse_toml(text, path)
-    known = ("steps", "algorithm", *algorithms)
-    for key in content:
+    others = [trainer for trainer in trainers if trainer != OWNER]
+    _check_keys(content, ["steps", *trainers[OWNER], *others], path)
+    steps = _checked_steps(content.pop("steps", None), path)
+    tables = {other: _table(content.pop(other, {}), other, path) for other in others}
+    for other in others:
+        known = [f"{other}.{name}" for name in trainers[other]]
+        _check_keys([f"{other}.{name}" for name in tables[other]], known, path)
+    tables = {OWNER: content, **tables}
+    for trainer, found in tables.items():
+        for name, table in found.items():
+            key = name if trainer == OWNER else f"{trainer}.{name}"
+            if "steps" in _table(table, key, path):
+                _checked_steps(table["steps"], path, key)
+    return Tuning(path, steps, tables)
+
+
+def _check_keys(found: Iterable[str], known: Collection[str], path: str) -> None:
+    for key in found:
         if key not in known:
             raise UsageError(
                 f"{path}: unknown key '{key}'.{did_you_mean(key, known)}"
                 f" It may hold {', '.join(known)}."
             )
-    steps, algorithm = content.pop("steps", None), content.pop("algorithm", None)
+
+
+def _checked_steps(steps: Any, path: str, table: str = "") -> int:
     if type(steps) is not int or steps < 1:
-        raise UsageError(f"{path}: 'steps' must be a whole number from 1 on, got {steps!r}.")
-    if algorithm not in algorithms:
-        raise UsageError(
-            f"{path}: 'algorithm' must be one of {', '.join(algorithms)}, got {algorithm!r}."
-        )
-    for name, table in content.items():
-        if not isinstance(table, dict):
-            raise UsageError(f"{path}: '{name}' must be a table: [{name}] on a line of its own.")
-    return Tuning(path, steps, algorithm, content)
+        name = f"{table}.steps" if table else "steps"
+        raise UsageError(f"{path}: '{name}' must be a whole number from 1 on, got {steps!r}.")
+    return steps
+
+
+def _table(content: Any, name: str, path: str) -> dict[str, Any]:
+    if not isinstance(content, dict):
+        raise UsageError(f"{path}: '{name}' must be a table: [{name}] on a line of its own.")
+    return content
 
 
 def _parse_toml(text: str, path: str) -> dict[str, Any]:

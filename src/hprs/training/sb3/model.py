@@ -9,7 +9,7 @@ import gymnasium as gym
 import numpy as np
 
 from hprs.errors import RunError, UsageError
-from hprs.training import algorithms
+from hprs.training.algorithms import TRAINERS
 from hprs.training.configuration import Configuration
 from hprs.training.environment import make_configured
 from hprs.training.episode_log import EpisodeLog
@@ -77,7 +77,7 @@ def algorithm_class(configuration: Configuration) -> Any:
     """The class of Stable-Baselines3 that trains."""
     import stable_baselines3
 
-    return getattr(stable_baselines3, algorithms.ALGORITHMS[configuration.algorithm].class_name)
+    return getattr(stable_baselines3, TRAINERS["sb3"][configuration.algorithm].class_name)
 
 
 class _Terse(gym.Wrapper[Any, Any, Any, Any]):

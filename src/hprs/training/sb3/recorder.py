@@ -84,8 +84,7 @@ class Recorder(BaseCallback):
         seeds = training_seeds(self._progress.evaluations, configuration.evaluation_episodes)
         policy = Learner(self.model)
         episodes = evaluate(lambda: make_configured(configuration), policy, seeds, watch)
-        interval = configuration.evaluation_interval
-        self._progress = self._progress.after(step, episodes, interval)
+        self._progress = self._progress.after(step, episodes, configuration.interval_after)
         self._rows = format_rows(configuration.task, step, episodes)
         save_policies(self._run, self._save(evaluated=True))
         _log(self.model, step, episodes)
