@@ -1,1 +1,3 @@
 """Proximal policy optimisation in JAX."""
+
+from hprs.training.ppo.training import train as train
