@@ -58,7 +58,7 @@ class EpisodeLog(gym.Wrapper[Any, Any, Any, Any]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         """Reset, and begin a new log."""
-        self._start = {"generator": self._generator_state(), "seed": seed, "options": options}
+        self._start = beginning(self, seed, options)
         self._actions, self._steps = [], 0
         observation, info = self.env.reset(seed=seed, options=options)
         self._seen = hashlib.sha256()
@@ -81,18 +81,7 @@ class EpisodeLog(gym.Wrapper[Any, Any, Any, Any]):
 
     def state(self) -> EpisodeState:
         """What `replay` needs to come back here."""
-        generator = self._generator_state()
-        lost = ""
-        if generator is None:
-            lost = "its environment has no random generator of Gymnasium's"
-        elif self._steps > LONGEST:
-            lost = f"it is longer than {LONGEST:,} steps"
-        if lost:
-            return EpisodeState({}, np.empty(0), lost)
-        reached = self._seen.copy()
-        reached.update(json.dumps(generator).encode())
-        start = {**self._start, "reached": reached.hexdigest()}
-        return EpisodeState(start, np.array(self._actions))
+        return state_of(self, self._start, self._actions, self._seen, steps=self._steps)
 
     def replay(self, state: EpisodeState) -> str:
         """Go back to where `state` was taken.
@@ -121,6 +110,11 @@ class EpisodeLog(gym.Wrapper[Any, Any, Any, Any]):
         """The newest observation."""
         return self._observation
 
+    @property
+    def seen(self) -> Any:
+        """Digest of all that the running episode has shown, to be gone on with."""
+        return self._seen.copy()
+
     def _see(self, observation: Any) -> None:
         self._observation = observation
         if type(observation) is np.ndarray:
@@ -129,10 +123,48 @@ class EpisodeLog(gym.Wrapper[Any, Any, Any, Any]):
         else:
             _feed(self._seen, observation)
 
-    def _generator_state(self) -> dict[str, Any] | None:
-        # Asking for `np_random` would make a generator where there is none.
-        generator = self.unwrapped.__dict__.get("_np_random")
-        return None if generator is None else generator_state(generator)
+
+def beginning(
+    environment: gym.Env[Any, Any], seed: int | None, options: dict[str, Any] | None = None
+) -> dict[str, Any]:
+    """How an episode begins that a reset is about to start."""
+    return {"generator": _generator_state(environment), "seed": seed, "options": options}
+
+
+def state_of(
+    environment: gym.Env[Any, Any],
+    start: Mapping[str, Any],
+    actions: Sequence[np.ndarray],
+    seen: Any,
+    *,
+    steps: int,
+) -> EpisodeState:
+    """What brings a running episode back.
+
+    Args:
+        environment: Where it runs.
+        start: Its `beginning`.
+        actions: Since then.
+        seen: Digest of the first observation, and of observation and reward of every step since.
+        steps: Of the episode.
+    """
+    generator = _generator_state(environment)
+    lost = ""
+    if generator is None:
+        lost = "its environment has no random generator of Gymnasium's"
+    elif steps > LONGEST:
+        lost = f"it is longer than {LONGEST:,} steps"
+    if lost:
+        return EpisodeState({}, np.empty(0), lost)
+    reached = seen.copy()
+    reached.update(json.dumps(generator).encode())
+    return EpisodeState({**start, "reached": reached.hexdigest()}, np.array(actions))
+
+
+def _generator_state(environment: gym.Env[Any, Any]) -> dict[str, Any] | None:
+    # Asking for `np_random` would make a generator where there is none.
+    generator = environment.unwrapped.__dict__.get("_np_random")
+    return None if generator is None else generator_state(generator)
 
 
 def _feed(digest: Any, value: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from operator import itemgetter
 from typing import Any
@@ -9,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from hprs.spec.task import Task
-from hprs.training.episode_log import EpisodeLog, EpisodeState
+from hprs.training.episode_log import EpisodeState
+from hprs.training.host.episodes import EpisodeLogs
 from hprs.training.host.interface import Seen, Transition, signal_names
 from hprs.training.random_states import derive_seed
 from hprs.wrappers.single import TaskWrapper
@@ -25,13 +27,14 @@ class SingleEnvironments:
     """
 
     def __init__(self, environments: Sequence[TaskWrapper]) -> None:
-        self._tasks = tuple(environments)
-        self._logs = tuple(EpisodeLog(environment) for environment in environments)
+        self._environments = tuple(environments)
         first = environments[0]
         self.number = len(environments)
         self.observation_space = first.observation_space
         self.action_space = first.action_space
-        self._shape = (self.number, *(first.observation_space.shape or ()))
+        shape = first.observation_space.shape or ()
+        self._shape = (self.number, *shape)
+        self._logs = EpisodeLogs(environments, math.prod(shape))
         self._pick = _picker(first.task)
         self._seed, self._steps = 0, 0
         self._seen: Seen | None = None
@@ -45,9 +48,8 @@ class SingleEnvironments:
     def reset(self, seed: int) -> Seen:
         """New episodes everywhere; the seeds of the environments are derived from one."""
         self._seed, self._steps = seed, 0
-        for row, log in enumerate(self._logs):
-            log.reset(seed=derive_seed(seed, 0, row))
-        return self._look()
+        rows = range(self.number)
+        return self._look([self._logs.reset(row, derive_seed(seed, 0, row)) for row in rows])
 
     def step(self, actions: np.ndarray) -> Transition:
         """Step all environments."""
@@ -58,20 +60,21 @@ class SingleEnvironments:
         signals: list[float] = []
         ended: list[int] = []
         pick = self._pick
-        rows = zip(self._logs, self._tasks, actions, strict=True)
-        for row, (log, task, action) in enumerate(rows):
-            observation, reward, terminates, truncates, _ = log.step(action)
+        for row, (environment, action) in enumerate(zip(self._environments, actions, strict=True)):
+            observation, reward, terminates, truncates, _ = environment.step(action)
             observations[row] = observation
-            signals += pick(task.signal_values)
+            signals += pick(environment.signal_values)
             rewards.append(reward)
             if terminates or truncates:
                 terminated[row], truncated[row] = terminates, truncates
                 ended.append(row)
         self._steps += 1
         reached = self._arranged(observations, signals)
+        paid = np.array(rewards, np.float64)
+        self._logs.add(actions, reached.observation, paid)
         self._seen = self._renewed(reached, ended) if ended else reached
         return Transition(
-            reward=np.array(rewards, np.float32),
+            reward=paid.astype(np.float32),
             terminated=terminated,
             truncated=truncated,
             valid=np.ones(self.number, bool),
@@ -81,7 +84,7 @@ class SingleEnvironments:
 
     def state(self) -> dict[str, Any]:
         """What `restore` needs: name to a NumPy array or a JSON value."""
-        episodes = [log.state() for log in self._logs]
+        episodes = self._logs.states()
         actions = {f"actions {row}": episode.actions for row, episode in enumerate(episodes)}
         return {
             "seed": self._seed,
@@ -97,28 +100,27 @@ class SingleEnvironments:
             For every environment that had to begin a new episode the reason.
         """
         self._seed, self._steps = state["seed"], state["steps"]
-        reasons: list[str] = []
-        for row, log in enumerate(self._logs):
-            kept = EpisodeState(actions=state[f"actions {row}"], **state["episodes"][row])
-            reason = log.replay(kept)
-            if reason:
-                reasons.append(reason)
-                log.reset(seed=derive_seed(self._seed, self._steps, row))
-        self._look()
-        return reasons
+        kept = [
+            EpisodeState(actions=state[f"actions {row}"], **episode)
+            for row, episode in enumerate(state["episodes"])
+        ]
+        seeds = [derive_seed(self._seed, self._steps, row) for row in range(self.number)]
+        observations, reasons = self._logs.replay(kept, seeds)
+        self._look(observations)
+        return [reason for reason in reasons if reason]
 
     def close(self) -> None:
         """Close all environments."""
-        for log in self._logs:
-            log.close()
+        for environment in self._environments:
+            environment.close()
 
-    def _look(self) -> Seen:
-        """What is seen of all environments, wherever they stand."""
+    def _look(self, newest: Sequence[Any]) -> Seen:
+        """What is seen of all environments, from their newest observations."""
         observations = np.empty(self._shape, np.float32)
         signals: list[float] = []
-        for row, (log, task) in enumerate(zip(self._logs, self._tasks, strict=True)):
-            observations[row] = log.observation
-            signals += self._pick(task.signal_values)
+        for row, environment in enumerate(self._environments):
+            observations[row] = newest[row]
+            signals += self._pick(environment.signal_values)
         self._seen = self._arranged(observations, signals)
         return self._seen
 
@@ -126,9 +128,8 @@ class SingleEnvironments:
         """What is seen after some environments are reset."""
         following = Seen(*(array.copy() for array in reached))
         for row in ended:
-            observation, _ = self._logs[row].reset()
-            following.observation[row] = np.ravel(observation)
-            following.signals[row] = self._pick(self._tasks[row].signal_values)
+            following.observation[row] = np.ravel(self._logs.reset(row))
+            following.signals[row] = self._pick(self._environments[row].signal_values)
         return following
 
     def _arranged(self, observations: np.ndarray, signals: list[float]) -> Seen:
