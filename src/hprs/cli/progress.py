@@ -17,19 +17,17 @@ from hprs.training.configuration import Configuration
 
 
 class TrainingProgress:
-    """A listener that prints.
+    """A listener of one training that prints.
 
     Args:
         console: Where to.
-        seeds: How many trainings follow one another.
     """
 
-    def __init__(self, console: Console, seeds: int = 1) -> None:
+    def __init__(self, console: Console) -> None:
         self._console = console
-        self._seeds = seeds
         self._bar: Progress | None = None
         self._task = None
-        self._seed, self._total = 0, 0
+        self._total = 0
         self.trainings = 0
         """How many trainings have started, or gone on."""
         self._first, self._started, self._drawn = 0, 0.0, 0.0
@@ -37,7 +35,7 @@ class TrainingProgress:
     def started(self, configuration: Configuration, step: int) -> None:
         """Open a bar, or say what starts."""
         self.trainings += 1
-        self._seed, self._total, self._first = configuration.seed, configuration.steps, step
+        self._total, self._first = configuration.steps, step
         self._started = time.monotonic()
         if not self._console.is_terminal:
             go_on = f", from step {step:,}" if step else ""
@@ -74,13 +72,11 @@ class TrainingProgress:
 
     def evaluated(self, step: int, summary: Summary) -> None:
         """Show how good the policy is."""
-        measures = f"PAM {summary.pam:.2f}  S {summary.safe:.2f}  S+T {summary.safe_target:.2f}"
+        measures = describe(summary)
         if self._bar is not None and self._task is not None:
             self._bar.update(self._task, completed=step, measures=measures)
             return
-        rate = self._rate(step)
-        left = max(0, self._total - step) / rate if rate else 0.0
-        timing = f"  {rate:,.0f} steps/s, {_clock(left)} left" if rate else ""
+        timing = pace(self._rate(step), self._total - step)
         self._say(f"step {step:>9,}  {measures}{timing}")
 
     def noticed(self, text: str) -> None:
@@ -103,8 +99,7 @@ class TrainingProgress:
         return (step - self._first) / passed if passed > 0.0 else 0.0
 
     def _say(self, text: str) -> None:
-        prefix = f"seed {self._seed}  " if self._seeds > 1 else ""
-        self._console.print(prefix + text, soft_wrap=True)
+        self._console.print(text, soft_wrap=True)
         self._console.file.flush()
 
 
@@ -156,6 +151,21 @@ class EvaluationProgress:
                 self._bar.update(self._task, completed=before + complete)
 
         return watch
+
+
+def describe(summary: Summary) -> str:
+    """How good a policy is, in a few numbers."""
+    return f"PAM {summary.pam:.2f}  S {summary.safe:.2f}  S+T {summary.safe_target:.2f}"
+
+
+def pace(rate: float, left: int) -> str:
+    """How fast a training is and how long it will take, behind other text.
+
+    Args:
+        rate: Steps a second; 0 where it is not known.
+        left: Steps that are left.
+    """
+    return f"  {rate:,.0f} steps/s, {_clock(max(0, left) / rate)} left" if rate else ""
 
 
 def _clock(seconds: float) -> str:

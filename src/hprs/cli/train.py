@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
@@ -26,24 +26,24 @@ from hprs.training.ppo.settings import HYPERPARAMETERS
 if TYPE_CHECKING:
     from hprs.training.run_directory import RunDirectory
 
-_ANY_HORIZON = 10**9
-
 
 @dataclass(frozen=True)
 class Train:
     """Train a policy and write a run directory; go on with one that was stopped.
 
-    Ctrl-C saves the state and says how to go on. Whatever ends the process, nothing recorded is
-    lost or written twice.
+    Several seeds, rewards or ends are a population: one run of each combination. Ctrl-C saves the
+    state and says how to go on. Whatever ends the process, nothing recorded is lost or written
+    twice.
 
     Examples:
       hprs train hprs/CartPole-v0
       hprs train hprs/CartPole-v0 --seeds 5 --set learning_rate=0.001 --set net_arch=[32,32]
       hprs train hprs/CartPole-v0 --task my_task.hprs --reward sparse
+      hprs train hprs/CartPole-v0 --seeds 10 --reward hprs,env,tltl --end paper,released
       hprs train hprs/CartPole-v0 --const mark=-1
       hprs train hprs/CartPole-v0 --reward bhnr --reward-set window=50
       hprs train hprs/LunarLanderObstacle-v0 --env obstacle=[-0.1,0.1]
-      hprs train MountainCarContinuous-v0 --task my_task.hprs --steps 50000
+      hprs train MountainCarContinuous-v0 --task my_task.hprs --steps 50000 --algorithm sac
       hprs train my_module:MyEnv-v0 --task my_task.hprs --horizon 1000
       hprs train --resume runs/hprs-CartPole-v0/hprs-ppo-1a2b3c4d
     """
@@ -57,11 +57,14 @@ class Train:
     """Task file; a benchmark has its own."""
     constants: Constants = ()
     reward: Annotated[
-        str, tyro.conf.arg(help=f"What the learner is paid: {', '.join(REWARDS)}.")
+        str,
+        tyro.conf.arg(
+            help=f"What the learner is paid: {', '.join(REWARDS)}; or several: hprs,env.",
+        ),
     ] = Configuration.reward
     end: str = Configuration.end
     """How shaping ends an episode: paper (as printed; does not keep the optimal policy of a
-    discount below 1), invariant (keeps it), released (as the paper's code)."""
+    discount below 1), invariant (keeps it), released (as the paper's code); or several of them."""
     reward_options: Annotated[
         tyro.conf.UseAppendAction[tuple[str, ...]],
         tyro.conf.arg(
@@ -79,7 +82,7 @@ class Train:
     seed: int = Configuration.seed
     """Seed of the training."""
     seeds: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
-    """Train the seeds 0 to N-1, one after the other."""
+    """Train the seeds 0 to N-1."""
     steps: Annotated[
         int | None,
         tyro.conf.arg(
@@ -137,35 +140,47 @@ class Train:
     ] = None
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("runs")
     """Where run directories are made."""
+    workers: Annotated[
+        int | None,
+        tyro.conf.arg(
+            metavar="N",
+            help_behavior_hint="",
+            help="Runs that are trained side by side, each in a process of its own; default: with "
+            "the trainer jax one a core, with sb3 one.",
+        ),
+    ] = None
     resume: Annotated[Path | None, tyro.conf.arg(metavar="RUN", help_behavior_hint="")] = None
-    """Go on with this run, or with all its seeds."""
+    """Go on with this run, with all its seeds, or with a population; a run that was started with
+    others goes on with all of them."""
 
     def run(self) -> int:
         """Train."""
-        from hprs.training.run_directory import find_runs
+        from hprs.cli.training import train_all
 
+        if self.workers is not None and self.workers < 1:
+            raise UsageError(f"--workers takes a number from 1 on, got {self.workers}.")
         if self.resume is not None:
-            if self != Train(resume=self.resume):
+            if self != Train(resume=self.resume, workers=self.workers):
                 raise UsageError("--resume takes no other option: a run keeps its configuration.")
-            return _train_all(find_runs(self.resume))
-        return _train_all(self._create())
+            return train_all(*_resumed(self.resume), self.workers)
+        return train_all(*self._create(), self.workers)
 
-    def _create(self) -> list[RunDirectory]:
+    def _create(self) -> tuple[list[RunDirectory], Path]:
+        """New runs, and the place that stands for all of them."""
         from dataclasses import replace
 
+        from hprs.training.population_file import write_population
         from hprs.training.run_directory import create_runs
 
-        first = self._configure()
+        self._check()
         seeds = [self.seed] if self.seeds is None else range(self.seeds)
-        return create_runs([replace(first, seed=seed) for seed in seeds], self.out)
+        found = self._configurations()
+        runs = create_runs([replace(c, seed=seed) for c in found for seed in seeds], self.out)
+        if len(runs) == 1:
+            return runs, runs[0].path
+        return runs, write_population([run.path for run in runs])
 
-    def _configure(self) -> Configuration:
-        from typing import cast
-
-        from hprs.spec.parameters import parse_constants
-        from hprs.training.algorithms import parse_settings
-        from hprs.training.configure import configure
-
+    def _check(self) -> None:
         if self.environment is None:
             raise UsageError("name an environment, or a run with --resume; see hprs train --help")
         if _is_run(Path(self.environment)):
@@ -177,13 +192,47 @@ class Train:
             raise UsageError("--seeds takes a number from 1 on, and excludes --seed.")
         if self.seed < 0:
             raise UsageError(f"--seed must not be negative, got {self.seed}.")
+
+    def _configurations(self) -> list[Configuration]:
+        """One for each reward and end, as far as they differ; the seed is the first."""
+        rewards, ends = _listed(self.reward), _listed(self.end)
+        found: dict[str, Configuration] = {}
+        for reward in rewards:
+            shaped = reward not in REWARDS or REWARDS[reward].shaped
+            # Another end would be the same training again.
+            for end in ends if shaped else ends[:1]:
+                configuration = self._configure(reward, end, self._options_of(reward, rewards))
+                found.setdefault(configuration.digest, configuration)
+        return list(found.values())
+
+    def _options_of(self, reward: str, rewards: Sequence[str]) -> dict[str, Any]:
+        """The options of one of several rewards: each takes those that it has."""
+        from hprs.training.algorithms import parse_settings
+
+        given = parse_settings(self.reward_options, "--reward-set")
+        if len(rewards) == 1:
+            return given
+        known = {option for name in rewards if name in REWARDS for option in REWARDS[name].options}
+        for option in given:
+            if option not in known:
+                raise UsageError(f"none of the rewards {', '.join(rewards)} has '{option}'.")
+        own = REWARDS[reward].options if reward in REWARDS else ()
+        return {option: value for option, value in given.items() if option in own}
+
+    def _configure(self, reward: str, end: str, options: dict[str, Any]) -> Configuration:
+        from typing import cast
+
+        from hprs.spec.parameters import parse_constants
+        from hprs.training.algorithms import parse_settings
+        from hprs.training.configure import configure
+
         return configure(
-            self.environment,
+            str(self.environment),
             task_path=self.task,
             constants=parse_constants(self.constants),
-            reward=self.reward,
-            end=cast("End", self.end),
-            reward_options=parse_settings(self.reward_options, "--reward-set"),
+            reward=reward,
+            end=cast("End", end),
+            reward_options=options,
             algorithm=self.algorithm,
             trainer=self.trainer,
             settings=parse_settings(self.settings),
@@ -194,58 +243,26 @@ class Train:
         )
 
 
+def _listed(names: str) -> list[str]:
+    return [name.strip() for name in names.split(",")]
+
+
 def _is_run(path: Path) -> bool:
+    from hprs.training.population_file import is_population
     from hprs.training.run_directory import RUN_FILE
 
-    return any(file.is_file() for file in (path / RUN_FILE, *path.glob(f"*/{RUN_FILE}")))
+    runs = (path / RUN_FILE, *path.glob(f"*/{RUN_FILE}"))
+    return any(file.is_file() for file in runs) or is_population(path)
 
 
-def _demands(configuration: Configuration) -> list[str]:
-    """What the reward asks of the learner, and whether it gets it."""
-    from hprs.rewards.base import demands_of
-    from hprs.rewards.registry import make_reward
-    from hprs.training.parameters import demanded_parameters
+def _resumed(place: Path) -> tuple[list[RunDirectory], Path]:
+    """The runs to go on with, and the place that stands for all of them."""
+    from hprs.training.population_file import population_of
+    from hprs.training.run_directory import find_runs
 
-    reward = make_reward(
-        configuration.reward,
-        configuration.task,
-        end=configuration.end,
-        discount=configuration.discount,
-        # It changes nothing here; some rewards need one.
-        horizon=configuration.horizon or _ANY_HORIZON,
-        **configuration.reward_options,
-    )
-    lines: list[str] = []
-    for name, value in demanded_parameters(demands_of(reward)).items():
-        found = configuration.parameters.get(name)
-        kept = "" if found == value else f", but it was set to {json.dumps(found)}"
-        lines.append(
-            f"The reward {configuration.reward} asks for {name}={json.dumps(value)}{kept}."
-        )
-    return lines
-
-
-def _train_all(runs: list[RunDirectory]) -> int:
-    from hprs.cli.console import console
-    from hprs.cli.progress import TrainingProgress
-    from hprs.training.trainers import trainer_of
-
-    out = console()
-    listener = TrainingProgress(out, seeds=len(runs))
-    whole = runs[0].path if len(runs) == 1 else runs[0].path.parent
-    for line in _demands(runs[0].configuration):
-        out.print(line, soft_wrap=True)
-    for run in runs:
-        before = listener.trainings
-        try:
-            complete = trainer_of(run.configuration)(run, listener)
-        except KeyboardInterrupt:
-            complete = False
-        if not complete:
-            out.print(f"Stopped. Go on with: hprs train --resume {whole}", soft_wrap=True)
-            return 130
-        # A run that was complete already has said so.
-        if listener.trainings > before:
-            out.print(f"Wrote {run.path}", soft_wrap=True)
-    out.print(f"Assess it with: hprs evaluate {whole}", soft_wrap=True)
-    return 0
+    runs = find_runs(place, mixed=True)
+    population = population_of(place)
+    if population is None:
+        return runs, place
+    print(f"{place} is of {population}: all its runs go on.")
+    return find_runs(population, mixed=True), population

@@ -9,6 +9,8 @@
     policy/last/      the newest evaluated policy
     policy/best/      the evaluated policy with the highest mean PAM
     events.*          TensorBoard
+<out>/<environment>/population-<digest>.json
+                      runs that were started together
 ```
 
 Nothing is parsed out of a path. A folder is replaced as a whole: written under a temporary name,
@@ -34,6 +36,7 @@ from hprs.training import evaluation_table, files
 from hprs.training.checkpoint import Checkpoint
 from hprs.training.configuration import Configuration
 from hprs.training.lock import locked
+from hprs.training.population_file import is_population, read_population
 from hprs.training.provenance import provenance, versions
 
 FORMAT = 3
@@ -288,14 +291,40 @@ def _refuse_begun(run: RunDirectory, *, several: bool) -> None:
         )
 
 
-def find_runs(path: Path) -> list[RunDirectory]:
-    """The run in a folder, or all the seeds below it, by seed.
+def find_runs(path: Path, *, mixed: bool = False) -> list[RunDirectory]:
+    """The run in a folder, all the seeds below it, or the members of a population.
+
+    Args:
+        path: A run directory, the folder of its seeds, or a population's file.
+        mixed: Whether they may differ in more than the seed.
 
     Raises:
         RunError: There is no run there, or there are runs of different configurations.
     """
     if (path / RUN_FILE).exists():
         return [RunDirectory(path)]
+    runs = _members(path) if is_population(path) else _seeds(path)
+    folders = {run.configuration.digest: run.path.parent for run in runs}
+    if len(folders) > 1 and not mixed:
+        shown = ", ".join(str(folder) for folder in folders.values())
+        raise RunError(
+            f"the runs in '{path}' differ in more than the seed; name one of them: {shown}."
+        )
+    return runs if mixed else sorted(runs, key=lambda run: run.configuration.seed)
+
+
+def _members(path: Path) -> list[RunDirectory]:
+    runs = [RunDirectory(member) for member in read_population(path)]
+    gone = [str(run.path) for run in runs if not (run.path / RUN_FILE).exists()]
+    if gone or not runs:
+        raise RunError(
+            f"{path} lists {', '.join(gone) or 'no run'}, and there is no {RUN_FILE}. "
+            "Take it from the list."
+        )
+    return runs
+
+
+def _seeds(path: Path) -> list[RunDirectory]:
     if not path.is_dir():
         raise RunError(f"there is no run '{path}'.{did_you_mean(path.name, _near(path))}")
     runs = [RunDirectory(file.parent) for file in sorted(path.glob(f"*/{RUN_FILE}"))]
@@ -303,9 +332,7 @@ def find_runs(path: Path) -> list[RunDirectory]:
         below = sorted({file.parent.parent for file in path.glob(f"**/{RUN_FILE}")})
         hint = f" There are runs in {', '.join(map(str, below[:3]))}." if below else ""
         raise RunError(f"'{path}' is not a run: it holds no {RUN_FILE}.{hint}")
-    if len({run.configuration.digest for run in runs}) > 1:
-        raise RunError(f"the runs in '{path}' differ in more than the seed; name one of them.")
-    return sorted(runs, key=lambda run: run.configuration.seed)
+    return runs
 
 
 def _create(run: RunDirectory, configuration: Configuration, *, several: bool) -> None:

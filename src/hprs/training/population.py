@@ -1,0 +1,103 @@
+"""Trains several runs: one after the other in this process, or side by side in others.
+
+The fastest way to train many small networks on a CPU is a process a core, each with one run at a
+time and without threads of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Literal, Protocol, TypeAlias
+
+from hprs.errors import HprsError
+from hprs.training.configuration import Configuration
+from hprs.training.listener import Listener
+from hprs.training.run_directory import RunDirectory
+from hprs.training.trainers import Train, trainer_of
+
+State: TypeAlias = Literal["complete", "interrupted", "failed"]
+
+FindTrainer: TypeAlias = Callable[[Configuration], Train]
+"""Finds what trains a configuration; worker processes must be able to import it."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a member's training ended."""
+
+    run: RunDirectory
+    """The member."""
+    state: State
+    """Complete; interrupted, so that it can go on; or failed."""
+    text: str = ""
+    """Why it failed."""
+
+
+class Audience(Protocol):
+    """Hears of the progress of a population."""
+
+    def member(self, run: RunDirectory) -> Listener:
+        """Who hears of the progress of a member; asked when its turn has come."""
+        ...
+
+    def settled(self, outcome: Outcome) -> None:
+        """A member is done with, or will not be begun any more."""
+        ...
+
+    def stopping(self) -> None:
+        """The trainings were asked to stop and will, as soon as their state can be saved."""
+        ...
+
+
+def train_population(
+    runs: Sequence[RunDirectory],
+    audience: Audience,
+    *,
+    workers: int = 1,
+    find_trainer: FindTrainer = trainer_of,
+) -> list[Outcome]:
+    """Train runs to the end of their configurations.
+
+    A member that fails does not stop the others. The first SIGINT (Ctrl-C) or SIGTERM stops all of
+    them where their states are whole; a second one stops at once.
+
+    Args:
+        runs: The members.
+        audience: Hears of the progress.
+        workers: Processes that train side by side; with one, this process trains.
+        find_trainer: Finds what trains a configuration.
+
+    Returns:
+        How each ended, in the order of the runs.
+    """
+    if min(workers, len(runs)) > 1:
+        from hprs.training.crew import Crew
+
+        return Crew(runs, audience, min(workers, len(runs)), find_trainer).train()
+    return _train_here(runs, audience, find_trainer)
+
+
+def train_member(run: RunDirectory, listener: Listener, find_trainer: FindTrainer) -> Outcome:
+    """Train one run; what is wrong with it becomes its outcome."""
+    try:
+        complete = find_trainer(run.configuration)(run, listener)
+    except HprsError as error:
+        return Outcome(run, "failed", " ".join(str(error).split()))
+    return Outcome(run, "complete" if complete else "interrupted")
+
+
+def _train_here(
+    runs: Sequence[RunDirectory], audience: Audience, find_trainer: FindTrainer
+) -> list[Outcome]:
+    outcomes: list[Outcome] = []
+    for run in runs:
+        stopped = bool(outcomes) and outcomes[-1].state == "interrupted"
+        outcome = Outcome(run, "interrupted")
+        if not stopped:
+            with suppress(KeyboardInterrupt):
+                outcome = train_member(run, audience.member(run), find_trainer)
+        audience.settled(outcome)
+        outcomes.append(outcome)
+    return outcomes
