@@ -9,6 +9,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from hprs import deploy as deploy
     from hprs.rewards.registry import make_reward as make_reward
     from hprs.semantics.assessment import assess as assess
     from hprs.semantics.assessment import summarise as summarise
@@ -59,6 +60,7 @@ __all__ = [
     "Task",
     "assess",
     "call",
+    "deploy",
     "format_task",
     "load_task",
     "make_reward",
@@ -72,6 +74,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    if name == "deploy":
+        return importlib.import_module("hprs.deploy")
     if name not in _HOMES:
         raise AttributeError(f"module 'hprs' has no attribute '{name}'")
     return getattr(importlib.import_module(_HOMES[name]), name)

@@ -10,6 +10,7 @@ HprsError
 ├── TraceError (ValueError)         a recorded trace cannot be assessed
 ├── PolicyError (ValueError)        a policy fails, or does not fit the environment
 ├── TrackError (ValueError)         a track or a map file cannot be driven or read
+├── BundleError (ValueError)      a policy bundle is damaged, or does not fit
 ├── RunError (RuntimeError)         a run directory cannot be read, written or resumed
 └── UsageError (ValueError)         an unknown name or option; the message lists what exists
     └── MissingExtraError           an optional dependency is not installed
@@ -101,6 +102,10 @@ class PolicyError(HprsError, ValueError):
 
 class TrackError(HprsError, ValueError):
     """A track or a map file cannot be read, or no car could drive it."""
+
+
+class BundleError(HprsError, ValueError):
+    """A policy bundle is damaged, or does not fit."""
 
 
 class RunError(HprsError, RuntimeError):

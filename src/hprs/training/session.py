@@ -12,6 +12,7 @@ from dataclasses import replace
 from typing import Protocol
 
 from hprs.deploy import Bundle
+from hprs.deploy.archive import to_bytes
 from hprs.errors import RunError
 from hprs.semantics.assessment import Summary, summarise
 from hprs.training.checkpoint import Checkpoint, Progress
@@ -180,7 +181,7 @@ class _Loop:
         step, configuration = self._session.step, self._run.configuration
         seeds = training_seeds(self._progress.evaluations, configuration.evaluation_episodes)
         episodes = self._session.evaluate(seeds, self._look_up)
-        self._progress = self._progress.after(step, episodes, configuration.evaluation_interval)
+        self._progress = self._progress.after(step, episodes, configuration.interval_after)
         self._rows = format_rows(configuration.task, step, episodes)
         checkpoint = self._save(evaluated=True)
         _keep_policies(self._run, checkpoint)
@@ -200,7 +201,7 @@ class _Loop:
     def _save(self, *, evaluated: bool) -> Checkpoint:
         self._refuse_divergence()
         bundle = self._session.bundle({"run": str(self._run.path), "step": self._session.step})
-        contents = {**self._session.capture(), POLICY: bundle.to_bytes()}
+        contents = {**self._session.capture(), POLICY: to_bytes(bundle)}
         checkpoint = Checkpoint(self._progress, self._rows, contents)
         self._run.save(checkpoint, evaluated=evaluated)
         return checkpoint

@@ -6,17 +6,20 @@ from collections.abc import Mapping
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from gymnasium import spaces
 from jax import Array
 
-from hprs.deploy import Bundle
+from hprs.deploy import BoxLayout, Bundle, ChoiceLayout, Layer, ObservationLayout
 from hprs.errors import UsageError
-from hprs.training.actions import actions_of
+from hprs.spec.json_format import task_to_json
+from hprs.training.actions import BoxActions, DiscreteActions, actions_of
 from hprs.training.configuration import Configuration
 from hprs.training.ppo.learner import Member, Shape
 from hprs.training.ppo.settings import Settings
 from hprs.training.signal_scale import SignalScale
+from hprs.training.statistics import LARGEST, Statistics
 from hprs.wrappers.single import TaskWrapper
 
 STATE = "state.npz"
@@ -54,6 +57,8 @@ class LearnerSession:
         )
         self.weights = self.shape.weights(configuration.steps)
         self._configuration, self._spaces = configuration, (space, environment.action_space)
+        # Where time means anything, environments state the rate of their pictures.
+        self._rate: float | None = environment.metadata.get("render_fps")
         self._scalars: dict[str, float] = {}
 
     @property
@@ -72,8 +77,26 @@ class LearnerSession:
         return all(bool(np.isfinite(leaf).all()) for leaf in leaves)
 
     def bundle(self, provenance: Mapping[str, object]) -> Bundle:
-        """The policy as it is now."""
-        raise NotImplementedError
+        """The policy as it is now, with checks that this network has answered."""
+        member, (observations, _) = jax.device_get(self.member), self._spaces
+        normalised, seen = self.shape.settings.normalize_observations, member.observations
+        rows = _likely(seen, np.random.default_rng(0))
+        given = self.shape.best(member, jnp.asarray(rows))
+        return Bundle(
+            layers=tuple(Layer(*map(np.asarray, one)) for one in member.parameters.policy),
+            observation=ObservationLayout(
+                shape=observations.shape,
+                mean=np.asarray(seen.mean) if normalised else None,
+                deviation=np.asarray(seen.deviation) if normalised else None,
+                clip=LARGEST,
+            ),
+            action=_layout(self.shape.actions),
+            task=task_to_json(self._configuration.task),
+            rate=self._rate,
+            provenance=dict(provenance),
+            check_observations=rows,
+            check_actions=np.asarray(given),
+        )
 
     def close(self) -> None:
         """Nothing to close."""
@@ -83,3 +106,16 @@ def horizon_of(environment: TaskWrapper) -> int:
     """Steps after which an environment's episodes are cut off."""
     spec: Any = environment.spec
     return int(spec.max_episode_steps)
+
+
+def _likely(seen: Statistics, generator: np.random.Generator) -> np.ndarray:
+    """Observations like those of the training, (CHECKS, n) float32."""
+    spread = generator.standard_normal((CHECKS, len(seen.mean)))
+    return np.asarray(seen.mean + spread * np.asarray(seen.deviation), np.float32)
+
+
+def _layout(actions: BoxActions | DiscreteActions) -> BoxLayout | ChoiceLayout:
+    if isinstance(actions, DiscreteActions):
+        return ChoiceLayout(actions.outputs, actions.start)
+    low, high = np.asarray(actions.low, np.float32), np.asarray(actions.high, np.float32)
+    return BoxLayout(actions.shape, low, high)

@@ -36,17 +36,21 @@ class Record:
     def __init__(self, shape: Shape, action: np.ndarray) -> None:
         times = shape.settings.n_steps, shape.settings.environments
         seen, signals = (*times, shape.observation), (*times, shape.signals)
+
+        def room(shape: tuple[int, ...], kind: Any) -> Any:
+            return np.zeros(shape, kind)
+
         self.rows = Rollout(
-            observation=np.zeros(seen, np.float32),
-            signals=np.zeros(signals, np.float32),
-            action=np.zeros((*times, *action.shape[1:]), action.dtype),
-            log_prob=np.zeros(times, np.float32),
-            reward=np.zeros(times, np.float32),
-            terminated=np.zeros(times, bool),
-            truncated=np.zeros(times, bool),
-            valid=np.zeros(times, bool),
-            reached=np.zeros(seen, np.float32),
-            reached_signals=np.zeros(signals, np.float32),
+            observation=room(seen, np.float32),
+            signals=room(signals, np.float32),
+            action=room((*times, *action.shape[1:]), action.dtype),
+            log_prob=room(times, np.float32),
+            reward=room(times, np.float32),
+            terminated=room(times, bool),
+            truncated=room(times, bool),
+            valid=room(times, bool),
+            reached=room(seen, np.float32),
+            reached_signals=room(signals, np.float32),
         )
 
     def add(

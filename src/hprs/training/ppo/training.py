@@ -41,12 +41,13 @@ def train(run: RunDirectory, listener: Listener | None = None) -> bool:
 def open_session(configuration: Configuration, notice: Callable[[str], None]) -> Session:
     """A training that has not learned anything yet."""
     from hprs.training.compilation import keep_compiled_programs
+    from hprs.training.ppo.learner_session import horizon_of
     from hprs.training.ppo.on_device import DeviceSession
     from hprs.training.ppo.on_host import open_host
 
     keep_compiled_programs()
     environment = make_configured(configuration)
-    simulation = simulation_of(environment.env, environment.spec.max_episode_steps)
+    simulation = simulation_of(environment.env, horizon_of(environment))
     if simulation is not None:
         return DeviceSession(configuration, environment, simulation)
     return open_host(configuration, environment)
