@@ -10,7 +10,7 @@ from hprs.training.configure import configure
 from hprs.training.run_directory import RunDirectory
 
 QUICK = (
-    "train", "hprs/CartPole-v0", "--steps", "64", "--set", "n_steps=32", "--set", "batch_size=32",
+    "train", "hprs/CartPole-v0", "--trainer", "sb3", "--steps", "64", "--set", "n_steps=32", "--set", "batch_size=32",
 )  # fmt: skip
 
 

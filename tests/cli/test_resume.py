@@ -7,7 +7,7 @@ SMALL = [
     "--steps", "64", "--evaluate-every", "64", "--set", "environments=2", "--set", "n_steps=32",
     "--set", "batch_size=32", "--set", "n_epochs=1", "--set", "net_arch=[8]",
 ]  # fmt: skip
-QUICK = ["train", "hprs/CartPole-v0", *SMALL]
+QUICK = ["train", "hprs/CartPole-v0", "--trainer", "sb3", *SMALL]
 
 
 @pytest.fixture
@@ -25,7 +25,7 @@ def mine(here):
         "gym.register('Pole-v0', Pole, max_episode_steps=20)\n"
     )
     (here / "pole.hprs").write_text("signal x = obs[0] in [-5, 5]\nensure near: abs(x) <= 2\n")
-    return ["train", "my_poles:Pole-v0", "--task", "pole.hprs", "--algorithm", "ppo", *SMALL]
+    return ["train", "my_poles:Pole-v0", "--task", "pole.hprs", "--trainer", "sb3", *SMALL]
 
 
 def runs():
@@ -116,10 +116,12 @@ def test_help_names_what_exists(hprs):
     from hprs.rewards.shaping import ENDS
     from hprs.training.algorithms import ALGORITHMS, OURS
     from hprs.training.configuration import Configuration
+    from hprs.training.ppo.settings import HYPERPARAMETERS
 
     _, out, _ = hprs("train", "--help")
     text = " ".join(out.replace("│", " ").split())
-    for names in (REWARDS, ALGORITHMS, OURS):
+    for names in (REWARDS, ALGORITHMS, OURS, HYPERPARAMETERS):
         assert ", ".join(names) in text
     assert all(f" {end} (" in text for end in ENDS)
-    assert f"(default: {Configuration.evaluation_interval})" in text
+    # A line may be broken behind a comma.
+    assert f"withsb3{Configuration.evaluation_interval:,}." in text.replace(" ", "")

@@ -10,7 +10,8 @@ SMALL = [
     "--set", "environments=2", "--set", "n_steps=32", "--set", "batch_size=32",
     "--set", "n_epochs=1", "--set", "net_arch=[8]",
 ]  # fmt: skip
-QUICK = ["train", "hprs/CartPole-v0", "--steps", "128", "--evaluate-every", "64", *SMALL]
+CART_POLE = ["train", "hprs/CartPole-v0", "--trainer", "sb3"]
+QUICK = [*CART_POLE, "--steps", "128", "--evaluate-every", "64", *SMALL]
 
 
 def runs(folder):
@@ -31,6 +32,24 @@ def test_train_writes_where_it_says_and_evaluate_reads_it(hprs):
     assert list(content["floors"]) == ["doing nothing", "random"]
     assert list(content["measures"])[:4] == ["S", "S+T", "S+T+C", "PAM"]
     assert hprs("evaluate", run, "--episodes", "3", "--json")[1] == out
+
+
+def test_who_says_nothing_gets_ppo_of_the_jax_trainer(hprs):
+    options = "environments=2", "n_steps=32", "batch_size=64", "n_epochs=1", "net_arch=[8]"
+    settings = [part for option in options for part in ("--set", option)]
+    code, out, err = hprs("train", "hprs/CartPole-v0", "--steps", "128", *settings)
+    assert (code, err) == (0, "")
+    [run] = runs("runs")
+    assert f"Wrote {run}" in out
+    found = json.loads((run / "run.json").read_text())["configuration"]
+    assert (found["trainer"], found["algorithm"]) == ("jax", "ppo")
+    assert found["evaluation_interval"] == 1
+    code, out, _ = hprs("evaluate", run, "--episodes", "2", "--json")
+    assert code == 0
+    assert json.loads(out)["episodes"] == 2
+    code, out, err = hprs("train", "--resume", run)
+    assert (code, err) == (0, "")
+    assert "is complete: " in out
 
 
 def test_several_seeds_are_pooled_with_the_worst_beside(hprs):
@@ -68,7 +87,7 @@ def test_an_existing_run_is_refused_in_one_line(hprs):
 def test_an_environment_of_gymnasium_needs_no_registration_with_us(hprs):
     code, out, err = hprs(
         "train", "MountainCarContinuous-v0", "--task", "mountain.hprs", "--steps", "60",
-        "--horizon", "30", "--set", "learning_starts=10", "--set", "net_arch=[8]",
+        "--horizon", "30", "--algorithm", "sac", "--set", "learning_starts=10", "--set", "net_arch=[8]",
     )  # fmt: skip
     assert (code, err) == (0, "")
     [run] = runs("runs")
@@ -85,7 +104,7 @@ def test_a_module_may_register_the_environment(hprs, here):
         " max_episode_steps=20)\n"
     )
     code, _, err = hprs(
-        "train", "my_envs:Mine-v0", "--task", "mountain.hprs", "--steps", "40", "--algorithm", "ppo",
+        "train", "my_envs:Mine-v0", "--task", "mountain.hprs", "--steps", "40", "--trainer", "sb3",
         "--set", "n_steps=20", "--set", "environments=1", "--set", "batch_size=20",
     )  # fmt: skip
     assert (code, err) == (0, "")
@@ -116,6 +135,12 @@ def test_a_built_in_environment_takes_another_task(hprs, here):
         (["train", "hprs/CartPole-v0", "--seed", "-1"], "--seed must not be negative, got -1."),
         (["train", "hprs/CartPole-v0", "--set", "lr=1"], "ppo has no hyper-parameter 'lr'."),
         (["train", "hprs/CartPole-v0", "--algorithm", "sac"], "sac cannot handle actions of a Discrete space; choose one of ppo, a2c, dqn."),
+        (["train", "hprs/CartPole-v0", "--trainer", "jaxx"], "unknown trainer 'jaxx'; choose one of jax, sb3. Did you mean 'jax'?"),
+        (["train", "hprs/CartPole-v0", "--trainer", "jax", "--algorithm", "dqn"], "the trainer jax has no dqn; it has ppo. For dqn: --trainer sb3."),
+        (["train", "hprs/CartPole-v0", "--workers", "0"], "--workers takes a number from 1 on, got 0."),
+        (["train", "hprs/CartPole-v0", "--reward", "hprs,evn"], "unknown reward 'evn'; choose one of"),
+        (["train", "hprs/CartPole-v0", "--end", "paper,invarian"], "unknown end 'invarian'; choose one of paper, invariant, released. Did you mean 'invariant'?"),
+        (["train", "hprs/CartPole-v0", "--reward", "hprs,env", "--reward-set", "window=3"], "none of the rewards hprs, env has 'window'."),
         (["train", "--resume", "runs/x"], "there is no run 'runs/x'."),
         (["train", "--resume", "runs/x", "--steps", "3"], "--resume takes no other option: a run keeps its configuration."),
         (["evaluate", "runs/x"], "there is no run 'runs/x'."),
@@ -143,8 +168,14 @@ def test_a_task_that_does_not_fit_the_environment_exits_with_1(hprs, here):
 
 
 def test_a_missing_extra_says_how_to_install_it(hprs, monkeypatch):
-    monkeypatch.setitem(sys.modules, "stable_baselines3", None)
+    monkeypatch.setitem(sys.modules, "jax", None)
     code, _, err = hprs("train", "hprs/CartPole-v0")
+    assert (code, err) == (
+        2,
+        "hprs: jax is not installed. Install it with: pip install 'hprs[jax]'\n",
+    )
+    monkeypatch.setitem(sys.modules, "stable_baselines3", None)
+    code, _, err = hprs(*CART_POLE)
     assert code == 2
     assert err == (
         "hprs: stable-baselines3 is not installed. Install it with: pip install 'hprs[sb3]'\n"
@@ -164,7 +195,7 @@ def test_any_policy_is_evaluated_on_any_environment(hprs, here, policy):
 
 
 def test_ctrl_c_saves_and_says_how_to_go_on(here):
-    arguments = ["train", "hprs/CartPole-v0", "--steps", "4000", "--evaluate-every", "64", *SMALL]
+    arguments = [*CART_POLE, "--steps", "4000", "--evaluate-every", "64", *SMALL]
     with subprocess.Popen(
         [sys.executable, "-m", "hprs", *arguments],
         stdout=subprocess.PIPE,

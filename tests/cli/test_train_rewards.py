@@ -11,7 +11,17 @@ SMALL = [
     "--set", "environments=2", "--set", "n_steps=16", "--set", "batch_size=16",
     "--set", "n_epochs=1", "--set", "net_arch=[8]",
 ]  # fmt: skip
-QUICK = ["train", "hprs/CartPole-v0", "--steps", "32", "--evaluate-every", "32", *SMALL]
+QUICK = [
+    "train",
+    "hprs/CartPole-v0",
+    "--trainer",
+    "sb3",
+    "--steps",
+    "32",
+    "--evaluate-every",
+    "32",
+    *SMALL,
+]
 WEIGHTS = ["--reward-set", "weights=[1, 1, 0.5, 0.25, 0.25]"]
 
 
@@ -53,7 +63,7 @@ def test_options_of_a_reward_are_part_of_the_configuration(hprs):
 @pytest.mark.parametrize(
     ("reward", "message"),
     [
-        (["vector"], "the reward vector pays one number a requirement, and Stable-Baselines3 learns from one number. Train on morl, or use hprs.wrap with a multi-objective learner."),
+        (["vector"], "the reward vector pays one number a requirement, and the trainers learn from one number. Train on morl, or use hprs.wrap with a multi-objective learner."),
         (["morl"], "the reward morl needs weights: one for each of on_track, pole_up, parked, upright, slow."),
         (["morl", "weights=[1]"], "the task has 5 requirements (on_track, pole_up, parked, upright, slow), got 1 weights."),
         (["morl", "weights=[1,1,1,1,-1]"], "the weight of 'slow' must be a finite number that is not negative, got -1."),
