@@ -121,7 +121,7 @@ def make(storyboard: Storyboard) -> tuple[TaskWrapper, Policy]:
     """The environment with its task, and the policy."""
     options = parse_settings(storyboard.options, "--env")
     if storyboard.policy is None:
-        from hprs.training import sb3
+        from hprs.training.trained import load_policy
 
         runs = find_runs(Path(storyboard.subject))
         if len(runs) > 1:
@@ -135,7 +135,7 @@ def make(storyboard: Storyboard) -> tuple[TaskWrapper, Policy]:
             {**configuration.environment_options, **options},
             storyboard.horizon or configuration.horizon,
         )
-        return environment, sb3.load_policy(runs[0], storyboard.which)
+        return environment, load_policy(runs[0], storyboard.which)
     task, _ = find_task(storyboard.subject)
     environment = make_drawable(storyboard.subject, task, options, storyboard.horizon)
     if storyboard.policy == "pursuit":

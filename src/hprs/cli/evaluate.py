@@ -93,9 +93,9 @@ class Evaluate:
 
     def _run(self) -> tuple[str, Callable[[], TaskWrapper], Mapping[str, Policy]]:
         from hprs.cli.assessed_run import check_which, environment_of
-        from hprs.training import sb3
-        from hprs.training.policies import check_spaces
+        from hprs.training.policies import check_fits
         from hprs.training.run_directory import find_runs
+        from hprs.training.trained import load_policy
 
         which = check_which(self.which)
         if not Path(self.subject).exists() and self._is_environment():
@@ -110,10 +110,10 @@ class Evaluate:
             options=self.options,
             horizon=self.horizon,
         )
-        policies = {f"seed {run.configuration.seed}": sb3.load_policy(run, which) for run in runs}
+        policies = {f"seed {run.configuration.seed}": load_policy(run, which) for run in runs}
         environment = make()
         for run, policy in zip(runs, policies.values(), strict=True):
-            check_spaces(str(run.policy(which)), policy.spaces, environment)
+            check_fits(str(run.policy(which)), policy, environment)
         environment.close()
         configuration = runs[0].configuration
         title = (

@@ -137,10 +137,10 @@ class Explain:
         from hprs.cli.assessed_run import check_which, environment_of
         from hprs.explanation.episode import record
         from hprs.explanation.explanation import explain
-        from hprs.training import sb3
         from hprs.training.evaluation import FINAL_SEEDS
-        from hprs.training.policies import check_spaces
+        from hprs.training.policies import check_fits
         from hprs.training.run_directory import find_runs
+        from hprs.training.trained import load_policy
 
         which = check_which(self.which)
         self._refuse(_OF_TRACES, fit="trace", found="run")
@@ -155,7 +155,7 @@ class Explain:
         # Pygame draws into memory; no window is needed.
         os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
         configuration = run.configuration
-        policy = sb3.load_policy(run, which)
+        policy = load_policy(run, which)
         make = environment_of(
             run,
             task_path=self.task,
@@ -164,7 +164,7 @@ class Explain:
             horizon=self.horizon,
         )
         environment = make()
-        check_spaces(str(run.policy(which)), policy.spaces, environment)
+        check_fits(str(run.policy(which)), policy, environment)
         environment.close()
         seed = FINAL_SEEDS if self.seed is None else self.seed
         played = record(make, policy, seed)

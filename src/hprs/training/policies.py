@@ -15,8 +15,12 @@ import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
 
+from hprs.deploy import Bundle, ChoiceLayout, load_bundle
 from hprs.errors import PolicyError, UsageError, did_you_mean
 from hprs.wrappers.signals import zero_action
+
+BUNDLE_SUFFIX = ".bundle"
+"""How the name of a bundle's file ends."""
 
 
 class Policy(Protocol):
@@ -35,7 +39,7 @@ class BatchedPolicy(Protocol):
         """The action to take."""
         ...
 
-    def batch(self, observations: Sequence[Any]) -> Sequence[Any]:
+    def batch(self, observations: Sequence[Any]) -> Any:
         """One action for each observation."""
         ...
 
@@ -147,52 +151,90 @@ def named_policy(name: str, environment: gym.Env[Any, Any]) -> Policy:
     """A policy as users name it.
 
     Args:
-        name: `zero`, `random`, a .zip of Stable-Baselines3, or `module:function`.
+        name: `zero`, `random`, a bundle (`.bundle`), a .zip of Stable-Baselines3, or
+            `module:function`.
         environment: Where it shall act.
 
     Raises:
         UsageError: There is no such policy.
         PolicyError: It cannot be imported, or was trained with other spaces.
+        BundleError: The bundle is damaged.
     """
     space = environment.action_space
     if name == "zero":
         return do_nothing(space)
     if name == "random":
         return RandomPolicy(space, seed=0)
+    if name.endswith(BUNDLE_SUFFIX):
+        bundle = load_bundle(name)
+        check_fits(name, bundle, environment)
+        return bundle
     if name.endswith(".zip"):
         from hprs.training.sb3 import load_zip
 
         policy = load_zip(Path(name))
-        check_spaces(name, policy.spaces, environment)
+        check_fits(name, policy, environment)
         return policy
     if ":" in name:
         return import_policy(name, space)
     raise UsageError(
-        f"unknown policy '{name}'; it is zero, random, a .zip of Stable-Baselines3, or "
-        f"module:function.{did_you_mean(name, ('zero', 'random'))}"
+        f"unknown policy '{name}'; it is zero, random, a {BUNDLE_SUFFIX} file, a .zip of "
+        f"Stable-Baselines3, or module:function.{did_you_mean(name, ('zero', 'random'))}"
     )
 
 
-def check_spaces(
-    name: str, trained: Sequence[gym.Space[Any]], environment: gym.Env[Any, Any]
-) -> None:
-    """See that a policy fits an environment; bounds may differ, shapes and choices may not.
+def check_fits(name: str, policy: Policy, environment: gym.Env[Any, Any]) -> None:
+    """See that a trained policy fits an environment: shapes and choices, not bounds.
 
     Args:
         name: How the user calls the policy.
-        trained: The observation and action space that it was trained with.
+        policy: A bundle, or a policy whose `spaces` it was trained with.
         environment: Where it shall act.
 
     Raises:
         PolicyError: It was trained with other spaces.
     """
+    if isinstance(policy, Bundle):
+        _check_bundle(name, policy, environment)
+        return
     here = environment.observation_space, environment.action_space
+    trained: Any = getattr(policy, "spaces", here)
     for word, own, other in zip(("observations", "actions"), trained, here, strict=True):
         if not _is_alike(own, other):
             raise PolicyError(
                 f"policy '{name}' was trained with {word} of {_brief(own)}; this environment has "
                 f"{_brief(other)}."
             )
+
+
+def _check_bundle(name: str, bundle: Bundle, environment: gym.Env[Any, Any]) -> None:
+    """See that a bundle fits an environment.
+
+    Raises:
+        PolicyError: It sees or does something else.
+    """
+    seen, here = bundle.observation.shape, environment.observation_space
+    if here.shape != seen:
+        raise PolicyError(
+            f"policy '{name}' sees observations of shape {seen}; this environment has "
+            f"{_brief(here)}."
+        )
+    space, action = environment.action_space, bundle.action
+    fits = (
+        isinstance(space, spaces.Discrete)
+        and (int(space.n), int(space.start)) == (action.outputs, action.start)
+        if isinstance(action, ChoiceLayout)
+        else isinstance(space, spaces.Box) and space.shape == action.shape
+    )
+    if not fits:
+        kind = (
+            f"one of {action.outputs} choices from {action.start} on"
+            if isinstance(action, ChoiceLayout)
+            else f"numbers of shape {action.shape}"
+        )
+        raise PolicyError(
+            f"policy '{name}' decides on {kind}; this environment takes {_brief(space)}."
+        )
 
 
 def _is_alike(one: gym.Space[Any], other: gym.Space[Any]) -> bool:
