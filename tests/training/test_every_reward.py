@@ -12,7 +12,6 @@ import pytest
 
 from hprs.envs import BENCHMARKS
 from hprs.rewards import REWARDS
-from hprs.training.algorithms import TRAINERS
 from hprs.training.configure import configure
 from hprs.training.run_directory import create_runs
 from hprs.training.trainers import trainer_of
@@ -22,9 +21,17 @@ SMALLEST = {"environments": 1, "n_steps": 8, "batch_size": 8, "n_epochs": 1, "ne
 STEPS, HORIZON = 16, 6
 
 
-@pytest.mark.parametrize("environment", BENCHMARKS)
-@pytest.mark.parametrize("reward", [name for name in REWARDS if name != "vector"])
-@pytest.mark.parametrize("trainer", TRAINERS)
+NUMBERS = [name for name in REWARDS if name != "vector"]
+
+CASES = [
+    *(("sb3", environment, reward) for environment in BENCHMARKS for reward in NUMBERS),
+    # A training of the JAX trainer compiles, so only every benchmark and every reward once.
+    *(("jax", "hprs/CartPole-v0", reward) for reward in NUMBERS),
+    *(("jax", environment, "hprs") for environment in list(BENCHMARKS)[1:]),
+]
+
+
+@pytest.mark.parametrize(("trainer", "environment", "reward"), CASES)
 def test_a_benchmark_trains_with_a_reward(
     tmp_path: Any, trainer: str, environment: str, reward: str
 ) -> None:
@@ -42,4 +49,7 @@ def test_a_benchmark_trains_with_a_reward(
     )
     [run] = create_runs([configuration], tmp_path)
     assert trainer_of(configuration)(run)
-    assert [int(row["step"]) for row in run.evaluations()] == [0, STEPS]
+    first, last = [int(row["step"]) for row in run.evaluations()]
+    # A rollout may pass the end of the training.
+    assert first == 0
+    assert STEPS <= last < STEPS + SMALLEST["n_steps"]
