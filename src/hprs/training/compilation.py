@@ -15,7 +15,7 @@ CACHE_VARIABLE = "HPRS_CACHE"
 @cache
 def keep_compiled_programs() -> None:
     """Let JAX keep what it compiles; what the user has set himself stays."""
-    if jax.config.jax_compilation_cache_dir:
+    if getattr(jax.config, "jax_compilation_cache_dir", None):
         return
     chosen = os.environ.get(CACHE_VARIABLE, "")
     if chosen == "off":
