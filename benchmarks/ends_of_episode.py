@@ -1,7 +1,7 @@
 """The three end-of-episode conventions on the cart pole, ten seeds each.
 
     for end in paper invariant released; do
-        hprs train hprs/CartPole-v0 --end $end --seeds 10 --out runs
+        hprs train hprs/CartPole-v0 --trainer sb3 --end $end --seeds 10 --out runs
     done
     .venv/bin/python benchmarks/ends_of_episode.py runs
 
