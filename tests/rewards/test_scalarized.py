@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
+import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -116,7 +118,20 @@ def test_shaping_grows_with_the_weights(factor: float, seed: int) -> None:
         ([1, "2", 3], r"the weight of 'low' must be .* got '2'\."),
         ([1, None, 3], r"the weight of 'low' must be .* got None\."),
         ([1, True, 3], r"the weight of 'low' must be .* got True\."),
-        (1.0, r"weights are a list, one a requirement \(calm, low, goal\), got 1\.0\."),
+        (
+            1.0,
+            r"weights are a list, one a requirement \(calm, low, goal\), or a mapping from labels, got 1\.0\.$",
+        ),
+        (None, r"weights are a list, .* got None\.$"),
+        (b"abc", r"weights are a list, .* got b'abc'\.$"),
+        (
+            {1.0, 2.0, 3.0},
+            r"weights are a list, .* got \{1\.0, 2\.0, 3\.0\}\. A set has no order\.$",
+        ),
+        (frozenset({1.0, 2.0, 3.0}), r"weights are a list, .* A set has no order\.$"),
+        (np.array(1.0), r"weights are a list, .* got array\(1\.\)\.$"),
+        (torch.tensor(1.0), r"weights are a list, .* got tensor\(1\.\)\.$"),
+        (jnp.array(1.0), r"weights are a list, .* got Array\(1\., .*\)\.$"),
         ("uniform", r"weights are a list, .* got 'uniform'\."),
         ({"calm": 1, "low": 1}, r"no weight is given for goal\."),
         ({"calm": 1, "low": 1, "gaol": 1}, r"for 'gaol', which is no .* Did you mean 'goal'\?"),

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from operator import mul
@@ -97,17 +98,27 @@ def _checked(task: Task, weights: object) -> tuple[float, ...]:
         if missing:
             raise UsageError(f"no weight is given for {', '.join(missing)}.")
         weights = [given[label] for label in labels]
-    if isinstance(weights, str) or not hasattr(weights, "__iter__"):
-        raise UsageError(
-            f"weights are a list, one a requirement ({', '.join(labels)}), got {shown(weights)}."
-        )
-    listed = list(cast("Sequence[object]", weights))
+    listed = _listed(labels, weights)
     if len(listed) != len(labels):
         raise UsageError(
             f"the task has {len(labels)} requirements ({', '.join(labels)}), got {len(listed)} "
             "weights."
         )
     return tuple([_weight(label, weight) for label, weight in zip(labels, listed, strict=True)])
+
+
+def _listed(labels: Sequence[str], weights: object) -> list[object]:
+    """The weights as a list."""
+    found = shown(weights)
+    advice = " A set has no order." if isinstance(weights, Set) else ""
+    if not advice and not isinstance(weights, str | bytes):
+        # An array without axes has `__iter__`, too, and only iterating tells.
+        with suppress(TypeError):
+            return list(cast("Sequence[object]", weights))
+    raise UsageError(
+        f"weights are a list, one a requirement ({', '.join(labels)}), or a mapping from labels, "
+        f"got {found}.{advice}"
+    )
 
 
 def _weight(label: str, weight: object) -> float:
