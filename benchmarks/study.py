@@ -1,0 +1,292 @@
+"""Compares rewards with PPO: trains what is missing, assesses the last policies, writes tables.
+
+    .venv/bin/python benchmarks/study.py hprs/SafeDriving-v0 hprs env tltl
+    .venv/bin/python benchmarks/study.py hprs/SafeDriving-v0          # every condition
+
+A condition is a reward, `hprs:released` for another end of the episode, or `hprs:paper:blind` for a
+critic that does not see the task's signals. What was trained before is not trained again, and
+Ctrl-C loses nothing: the same command goes on. Below results/ppo/ it leaves for each environment
+
+    policies.csv    a row a policy: S, S+T, S+T+C, PAM and every requirement over 50 episodes
+    curves.csv      a row an evaluation during the training: mean PAM, S, S+T and S+T+C
+    *.bundle        last policies of the rewards that are kept
+
+and prints the table of docs/benchmarks.md. Training seeds are 0 to 9, episodes those of
+`hprs evaluate`, which no training and no choice of a setting has seen.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import tyro
+
+from hprs.rewards.shaping import DEFAULT_END, End
+from hprs.semantics.assessment import accomplished_comfort, summarise
+from hprs.training.configure import configure
+from hprs.training.environment import make_configured
+from hprs.training.evaluation import FINAL_SEEDS, episode_seeds, evaluate
+from hprs.training.run_directory import RunDirectory, folder_of
+from hprs.training.trained import load_policy
+
+RESULTS = Path(__file__).parent.parent / "results" / "ppo"
+EVALUATE_EVERY = {"hprs/SafeDriving-v0": 2_000, "hprs/FollowLeader-v0": 2_000}
+"""Steps between evaluations, ten times as many after the 50th; elsewhere the default."""
+ENOUGH = 0.9
+"""S+T of three evaluations in a row."""
+CONDITIONS = (
+    "hprs:paper",
+    "hprs:released",
+    "hprs:invariant",
+    "env",
+    "sparse",
+    "tltl",
+    "bhnr",
+    "morl-uniform:paper",
+    "morl-decreasing:paper",
+    "hprs:paper:blind",
+    "hprs-no-comfort:paper",
+    "morl-uniform:released",
+    "morl-uniform:invariant",
+    "morl-decreasing:released",
+    "morl-decreasing:invariant",
+    "rank-preserving",
+    "pam",
+)
+"""The paper's six rewards with the ends of an episode first, then the others."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """Train, assess and compare."""
+
+    environment: tyro.conf.Positional[str]
+    conditions: tyro.conf.Positional[tuple[str, ...]] = CONDITIONS
+    seeds: int = 10
+    """Training seeds, from 0 on."""
+    steps: int | None = None
+    """Environment steps of a training; default: those of the benchmark's file."""
+    episodes: int = 50
+    """Of the assessment of a policy."""
+    workers: int = 2
+    """Processes side by side."""
+    keep: tuple[str, ...] = ("hprs",)
+    """Rewards whose last policies are kept as bundles."""
+    out: Path = Path("runs/study")
+    """Where run directories are made."""
+    tables_only: bool = False
+    """Train and assess nothing: print the tables of what is there."""
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What is compared."""
+
+    reward: str
+    end: End
+    blind: bool
+    """Whether the critic does not see the task's signals."""
+
+    @property
+    def name(self) -> str:
+        """Its name in the tables."""
+        words = [self.reward, *([self.end] if self.shaped else []), *(["blind"] * self.blind)]
+        return " ".join(words)
+
+    @property
+    def shaped(self) -> bool:
+        """Whether the end of the episode makes a difference."""
+        return self.reward.startswith(("hprs", "morl"))
+
+
+@dataclass
+class Found:
+    """What is known of one policy."""
+
+    row: dict[str, Any]
+    curve: list[dict[str, Any]] = field(default_factory=list)
+
+
+def parsed(text: str) -> Condition:
+    """A condition as users name it."""
+    reward, *rest = text.split(":")
+    ends = [word for word in rest if word != "blind"]
+    return Condition(reward, cast("End", ends[0] if ends else DEFAULT_END), "blind" in rest)
+
+
+def trained(study: Study, condition: Condition) -> list[RunDirectory]:
+    """The runs of a condition, trained to their end."""
+    settings = {"critic_signals": False} if condition.blind else {}
+    configurations = [
+        configure(
+            study.environment,
+            reward=condition.reward,
+            end=condition.end,
+            settings=settings,
+            steps=study.steps,
+            evaluation_interval=EVALUATE_EVERY.get(study.environment),
+            seed=seed,
+        )
+        for seed in range(study.seeds)
+    ]
+    folder = folder_of(configurations[0], study.out)
+    call = [sys.executable, "-m", "hprs", "train"]
+    if folder.exists():
+        call += ["--resume", str(folder)]
+    else:
+        call += [study.environment, "--reward", condition.reward, "--end", condition.end]
+        call += ["--seeds", str(study.seeds), "--out", str(study.out)]
+        call += [part for key, value in settings.items() for part in ("--set", f"{key}={value}")]
+        for option, value in (
+            ("--steps", study.steps),
+            ("--evaluate-every", EVALUATE_EVERY.get(study.environment)),
+        ):
+            call += [] if value is None else [option, str(value)]
+    code = subprocess.run([*call, "--workers", str(study.workers)], check=False).returncode
+    if code == 130:
+        raise KeyboardInterrupt
+    return [RunDirectory(folder / f"seed-{seed}") for seed in range(study.seeds)]
+
+
+def assessed(run: RunDirectory, name: str, count: int) -> Found:
+    """The row of a run's last policy, and its learning curve."""
+    configuration = run.configuration
+    episodes = evaluate(
+        lambda: make_configured(configuration),
+        load_policy(run, "last"),
+        episode_seeds(FINAL_SEEDS, count),
+    )
+    summary = summarise([episode.assessment for episode in episodes])
+    curve = list(_curve(run))
+    row = {
+        "condition": name,
+        "seed": configuration.seed,
+        "steps": configuration.steps,
+        "S": summary.safe,
+        "S+T": summary.safe_target,
+        "S+T+C": summary.safe_target_comfort,
+        "PAM": summary.pam,
+        "steps to 0.9": _reached(curve),
+        **summary.requirements,
+    }
+    named = [{"condition": name, "seed": configuration.seed, **point} for point in curve]
+    return Found(row, named)
+
+
+def _curve(run: RunDirectory) -> Iterator[dict[str, Any]]:
+    rows = run.evaluations()
+    for step in sorted({row["step"] for row in rows}):
+        pam = np.array([row["pam"] for row in rows if row["step"] == step])
+        yield {
+            "step": int(step),
+            "PAM": float(pam.mean()),
+            "S": float((pam >= 1.0).mean()),
+            "S+T": float((pam >= 1.5).mean()),
+            "S+T+C": float(np.mean(accomplished_comfort(pam))),
+        }
+
+
+def _reached(curve: Sequence[dict[str, Any]]) -> int | str:
+    """The first step of three evaluations in a row with enough S+T; empty if there is none."""
+    good = [point["S+T"] >= ENOUGH for point in curve]
+    for index in range(len(good) - 2):
+        if all(good[index : index + 3]):
+            return curve[index]["step"]
+    return ""
+
+
+def write(file: Path, rows: Sequence[dict[str, Any]], name: str) -> None:
+    """Replace the rows of a condition in a table."""
+    kept = [row for row in read(file) if row["condition"] != name]
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with file.open("w", newline="") as stream:
+        writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows([*kept, *({k: _short(v) for k, v in row.items()} for row in rows)])
+
+
+def _short(value: Any) -> Any:
+    return f"{value:.5g}" if isinstance(value, float | np.floating) else value
+
+
+def read(file: Path) -> list[dict[str, str]]:
+    """The rows of a table; none if it does not exist."""
+    if not file.exists():
+        return []
+    with file.open(newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def interquartile_mean(values: np.ndarray) -> float:
+    """Mean of the middle half, quarters of values weighted."""
+    from scipy.stats import trim_mean
+
+    return float(trim_mean(values, 0.25))
+
+
+def interval(values: np.ndarray, draws: int = 10_000) -> tuple[float, float]:
+    """95 % bootstrap interval of the mean over seeds."""
+    rng = np.random.default_rng(0)
+    means = rng.choice(values, (draws, len(values))).mean(axis=1)
+    low, high = np.quantile(means, (0.025, 0.975))
+    return float(low), float(high)
+
+
+def print_table(rows: Sequence[dict[str, str]]) -> None:
+    """The table of docs/benchmarks.md."""
+    print("| reward | S | S+T | seeds below 0.5 | IQM | 95 % of the mean | S+T+C | steps to 0.9 |")
+    print("|---|---|---|---|---|---|---|---|")
+    for name in dict.fromkeys(row["condition"] for row in rows):
+        own = [row for row in rows if row["condition"] == name]
+        column = {key: np.array([float(row[key]) for row in own]) for key in ("S", "S+T", "S+T+C")}
+        target = column["S+T"]
+        low, high = interval(target)
+        reached = sorted(float(row["steps to 0.9"] or "inf") for row in own)
+        middle = float(np.median(reached))
+        never = sum(not row["steps to 0.9"] for row in own)
+        took = "never" if np.isinf(middle) else f"{middle:,.0f}"
+        took += f" ({never} of {len(own)} never)" if never and not np.isinf(middle) else ""
+        print(
+            f"| {name} | {column['S'].mean():.2f} | {target.mean():.2f} | {(target < 0.5).sum()} "
+            f"| {interquartile_mean(target):.2f} | {low:.2f} to {high:.2f} "
+            f"| {column['S+T+C'].mean():.2f} | {took} |"
+        )
+
+
+def main(study: Study) -> None:
+    """Run the study."""
+    folder = RESULTS / study.environment.partition("/")[2].partition("-")[0].lower()
+    policies, curves = folder / "policies.csv", folder / "curves.csv"
+    for text in () if study.tables_only else study.conditions:
+        condition = parsed(text)
+        runs = [run for run in trained(study, condition) if run.policy_step("last") >= 0]
+        arguments = [runs, [condition.name] * len(runs), [study.episodes] * len(runs)]
+        with ProcessPoolExecutor(study.workers, mp_context=get_context("spawn")) as pool:
+            found = list(pool.map(assessed, *arguments))
+        write(policies, [one.row for one in found], condition.name)
+        write(curves, [point for one in found for point in one.curve], condition.name)
+        (folder / "configurations").mkdir(exist_ok=True)
+        kept = folder / "configurations" / f"{condition.name.replace(' ', '-')}.json"
+        content = {**runs[0].configuration.to_json(), "seed": f"0 to {study.seeds - 1}"}
+        kept.write_text(json.dumps(content, indent=1) + "\n")
+        if condition.reward in study.keep:
+            for run in runs:
+                name = f"{condition.name.replace(' ', '-')}-seed-{run.configuration.seed}.bundle"
+                shutil.copy(run.policy_file("last"), folder / name)
+        print_table([row for row in read(policies) if row["condition"] == condition.name])
+    print_table(read(policies))
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Study, description=__doc__))
