@@ -64,7 +64,7 @@ def test_options_of_a_reward_are_part_of_the_configuration(hprs):
     ("reward", "message"),
     [
         (["vector"], "the reward vector pays one number a requirement, and the trainers learn from one number. Train on morl, or use hprs.wrap with a multi-objective learner."),
-        (["morl"], "the reward morl needs weights: one for each of on_track, pole_up, parked, upright, slow."),
+        (["morl"], "the reward morl needs the option weights: one number for each of on_track, pole_up, parked, upright, slow."),
         (["morl", "weights=[1]"], "the task has 5 requirements (on_track, pole_up, parked, upright, slow), got 1 weights."),
         (["morl", "weights=[1,1,1,1,-1]"], "the weight of 'slow' must be a finite number that is not negative, got -1."),
         (["morl", 'weights={"slow":NaN,"on_track":1,"pole_up":1,"parked":1,"upright":1}'], "the weight of 'slow' must be a finite number that is not negative, got nan."),

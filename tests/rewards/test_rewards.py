@@ -228,7 +228,7 @@ def test_what_is_paid_at_the_horizon_asks_for_no_discount_and_no_bootstrapping()
     episodic = {"tltl", "rank-preserving", "pam"}
     for name, demands in asks.items():
         wanted = Demands(discount=1.0, horizon_is_terminal=True) if name in episodic else Demands()
-        assert demands == wanted
+        assert demands == wanted == REWARDS[name].demands
 
 
 @pytest.mark.parametrize("name", REWARDS)
@@ -292,8 +292,16 @@ BAD_REWARDS = [
     ("tltl", {"margin": "raw"}, r"no option 'margin'\. Did you mean 'margins'\?"),
     ("tltl", {"end": "invariant"}, r"end='invariant' needs the learner's discount"),
     ("rank-preserving", {"weights": 1}, r"no option 'weights'\. It has base, margins\."),
-    ("morl", {}, r"the reward morl needs weights: one for each of low, there\."),
-    ("bhnr", {}, r"give window=H for an environment whose horizon is not known here\."),
+    (
+        "morl",
+        {},
+        r"^the reward morl needs the option weights: one number for each of low, there\.$",
+    ),
+    (
+        "bhnr",
+        {},
+        r"^the reward bhnr needs the option window: a number of states, because the horizon .* is not known here\.$",
+    ),
     ("bhnr", {"horizon": 10, "window": 11}, r"window must be at most the horizon of 10 .* got 11"),
     *[
         (name, {"horizon": horizon}, rf"^the horizon is a whole .* from 1 on, got {horizon!r}\.$")

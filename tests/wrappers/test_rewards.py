@@ -139,7 +139,9 @@ def test_the_window_of_bhnr_comes_from_the_registered_horizon():
         SyncVectorEnv([lambda: gym.make("CartPole-v1")] * 2),
     ]
     assert [wrap_vector(envs, POLE, "bhnr").reward for envs in made] == [window] * 3
-    with pytest.raises(UsageError, match=r"give window=H for .* whose horizon is not known here"):
+    with pytest.raises(
+        UsageError, match=r"needs the option window: .* horizon .* is not known here"
+    ):
         wrap(Slider(), slider_task(), "bhnr")
     with pytest.raises(UsageError, match="at most the horizon of 500 steps, got 501"):
         wrap(gym.make("CartPole-v1"), POLE, "bhnr", reward_options={"window": 501})
@@ -150,7 +152,9 @@ def test_the_window_of_bhnr_comes_from_the_registered_horizon():
 def test_the_horizon_of_environments_in_other_processes_is_not_known():
     envs = AsyncVectorEnv([lambda: gym.make("CartPole-v1")] * 2, context="spawn")
     try:
-        with pytest.raises(UsageError, match=r"give window=H for .* horizon is not known here"):
+        with pytest.raises(
+            UsageError, match=r"needs the option window: .* horizon .* is not known here"
+        ):
             wrap_vector(envs, POLE, "bhnr")
         given = wrap_vector(envs, POLE, "bhnr", reward_options={"window": 25})
         assert given.reward == WindowRobustness(POLE, 25)

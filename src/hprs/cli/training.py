@@ -17,8 +17,6 @@ from hprs.training.trainers import trainer_of
 if TYPE_CHECKING:
     from hprs.training.run_directory import RunDirectory
 
-_ANY_HORIZON = 10**9
-
 
 def train_all(runs: Sequence[RunDirectory], place: Path, workers: int | None) -> int:
     """Train runs, and return the exit code.
@@ -51,21 +49,12 @@ def default_workers(runs: Sequence[RunDirectory]) -> int:
 
 def demands(configuration: Configuration) -> list[str]:
     """What the reward asks of the learner, and whether it gets it."""
-    from hprs.rewards.base import demands_of
-    from hprs.rewards.registry import make_reward
+    from hprs.rewards.registry import reward_kind
     from hprs.training.parameters import demanded_parameters
 
-    reward = make_reward(
-        configuration.reward,
-        configuration.task,
-        end=configuration.end,
-        discount=configuration.discount,
-        # It changes nothing here; some rewards need one.
-        horizon=configuration.horizon or _ANY_HORIZON,
-        **configuration.reward_options,
-    )
+    asked = reward_kind(configuration.reward).demands
     lines: list[str] = []
-    for name, value in demanded_parameters(demands_of(reward)).items():
+    for name, value in demanded_parameters(asked).items():
         found = configuration.parameters.get(name)
         kept = "" if found == value else f", but it was set to {json.dumps(found)}"
         lines.append(

@@ -130,20 +130,17 @@ def require_window(window: object) -> None:
         raise UsageError(f"window is a whole number of steps from 1 on, got {shown(window)}.")
 
 
-def window_for(window: int | None, horizon: int | None) -> int:
-    """The length of the window: what is asked for, or a part of the horizon.
+def default_window(horizon: int) -> int:
+    """The length of the window where none is asked for."""
+    return max(1, horizon // WINDOWS_A_HORIZON)
+
+
+def check_window(window: int, horizon: int | None) -> None:
+    """Refuse a window that no episode fills.
 
     Raises:
-        UsageError: It is no whole number from 1 on, above the horizon, or neither is known.
+        UsageError: It is no whole number from 1 on, or above the horizon, if that is known.
     """
-    if window is None:
-        if horizon is None:
-            raise UsageError(
-                "bhnr looks at a window of states, by default a twentieth of the horizon: give "
-                "window=H for an environment whose horizon is not known here."
-            )
-        return max(1, horizon // WINDOWS_A_HORIZON)
     require_window(window)
     if horizon is not None and window > horizon:
         raise UsageError(f"window must be at most the horizon of {horizon} steps, got {window}.")
-    return window

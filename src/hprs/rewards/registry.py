@@ -8,8 +8,8 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from hprs.errors import UsageError, did_you_mean
-from hprs.rewards.base import Reward
-from hprs.rewards.bhnr import WindowRobustness, is_count, window_for
+from hprs.rewards.base import NO_DEMANDS, Demands, Reward
+from hprs.rewards.bhnr import WindowRobustness, check_window, default_window, is_count
 from hprs.rewards.hierarchical import Hierarchical
 from hprs.rewards.pam import EpisodeAssessment
 from hprs.rewards.rank_preserving import RankPreserving
@@ -41,10 +41,10 @@ class RewardKind:
     """A function of the task, a `Context` and, by keyword, the options."""
     options: tuple[str, ...] = ()
     """What else can be said of it."""
-    required: tuple[str, ...] = ()
-    """Those of them that must be said."""
     shaped: bool = False
     """Whether it has a convention for the end of an episode."""
+    demands: Demands = NO_DEMANDS
+    """What it asks of the learner, whatever the task and the options."""
 
 
 def _hierarchical(task: Task, context: Context) -> Reward:
@@ -65,7 +65,10 @@ def _environment(task: Task, context: Context) -> Reward:
     return environment_reward(task)
 
 
-def _weighted(task: Task, context: Context, *, weights: Weights) -> Reward:
+def _weighted(task: Task, context: Context, *, weights: Weights | None = None) -> Reward:
+    if weights is None:
+        give = f"one number for each of {', '.join(task.labels)}"
+        raise _missing("morl", "weights", give)
     return Scalarized(task, weights, context.end, context.discount)
 
 
@@ -83,7 +86,14 @@ def _tltl(task: Task, context: Context, **options: Any) -> Reward:
 
 
 def _bhnr(task: Task, context: Context, *, window: int | None = None, **options: Any) -> Reward:
-    return WindowRobustness(task, window_for(window, context.horizon), **options)
+    horizon = context.horizon
+    if window is None:
+        if horizon is None:
+            give = "a number of states, because the horizon of the episodes is not known here"
+            raise _missing("bhnr", "window", give)
+        window = default_window(horizon)
+    check_window(window, horizon)
+    return WindowRobustness(task, window, **options)
 
 
 def _rank_preserving(task: Task, context: Context, **options: Any) -> Reward:
@@ -100,23 +110,44 @@ def _vector(task: Task, context: Context, **options: Any) -> Reward:
     return RequirementVector(task, end=context.end, discount=context.discount, **options)
 
 
+def _missing(reward: str, option: str, give: str) -> UsageError:
+    """The error of an option that cannot be left out here."""
+    return UsageError(f"the reward {reward} needs the option {option}: {give}.")
+
+
 REWARDS: Mapping[str, RewardKind] = MappingProxyType(
     {
         "hprs": RewardKind(_hierarchical, shaped=True),
         "hprs-no-comfort": RewardKind(_without_comfort, shaped=True),
         "sparse": RewardKind(_sparse),
         "env": RewardKind(_environment),
-        "morl": RewardKind(_weighted, ("weights",), required=("weights",), shaped=True),
+        "morl": RewardKind(_weighted, ("weights",), shaped=True),
         "morl-uniform": RewardKind(_uniform, shaped=True),
         "morl-decreasing": RewardKind(_decreasing, shaped=True),
-        "tltl": RewardKind(_tltl, ("margins",)),
+        "tltl": RewardKind(_tltl, ("margins",), demands=EpisodeRobustness.demands),
         "bhnr": RewardKind(_bhnr, ("window", "form")),
-        "rank-preserving": RewardKind(_rank_preserving, ("base", "margins")),
-        "pam": RewardKind(_pam),
+        "rank-preserving": RewardKind(
+            _rank_preserving, ("base", "margins"), demands=RankPreserving.demands
+        ),
+        "pam": RewardKind(_pam, demands=EpisodeAssessment.demands),
         "vector": RewardKind(_vector, ("form",), shaped=True),
     }
 )
 """Name to reward."""
+
+
+def reward_kind(name: str) -> RewardKind:
+    """What is known of a reward by its name alone.
+
+    Raises:
+        UsageError: There is none of that name.
+    """
+    if name not in tuple(REWARDS):
+        raise UsageError(
+            f"unknown reward '{name}'; choose one of {', '.join(REWARDS)}."
+            f"{did_you_mean(str(name), REWARDS)}"
+        )
+    return REWARDS[name]
 
 
 def make_reward(
@@ -143,25 +174,15 @@ def make_reward(
         UsageError: The name, the convention or an option is unknown, a value is wrong or missing,
             or what is given as the task is none.
     """
-    if name not in tuple(REWARDS):
-        raise UsageError(
-            f"unknown reward '{name}'; choose one of {', '.join(REWARDS)}."
-            f"{did_you_mean(str(name), REWARDS)}"
-        )
+    kind = reward_kind(name)
     check_convention(end, discount)
     require_task(task)
-    kind = REWARDS[name]
     for option in options:
         if option not in kind.options:
             offer = f" It has {', '.join(kind.options)}." if kind.options else " It has none."
             raise UsageError(
                 f"the reward {name} has no option '{option}'."
                 f"{did_you_mean(option, kind.options) or offer}"
-            )
-    for option in kind.required:
-        if option not in options:
-            raise UsageError(
-                f"the reward {name} needs {option}: one for each of {', '.join(task.labels)}."
             )
     return kind.make(task, Context(end, discount, _checked_horizon(horizon)), **options)
 
