@@ -181,8 +181,9 @@ def test_bad_actions_are_refused(action, message):
         ({"autoreset_mode": "later"}, "autoreset_mode is one of"),
         (
             {"max_episode_steps": 0},
-            r"max_episode_steps\) needs a whole number from 1 to 1,000,000, got 0",
+            r"^max_episode_steps needs a whole number from 1 to 1,000,000, got 0",
         ),
+        ({"horizon": 9}, "There is no option 'horizon' here. Use max_episode_steps."),
         ({"trakcs": "gm"}, "There is no option 'trakcs'. Did you mean 'tracks'"),
         ({"cars": 2}, "There is no option 'cars'"),
     ],

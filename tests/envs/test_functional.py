@@ -25,11 +25,7 @@ def test_the_functions_have_the_horizon_of_the_benchmark():
         ("hprs/SafeDrivin-v0", {}, "does not exist as JAX functions. Did you mean"),
         ("CartPole-v1", {}, "There are hprs/SafeDriving-v0, hprs/FollowLeader-v0"),
         (SAFE, {"trakcs": "gm"}, "There is no option 'trakcs'. Did you mean 'tracks'?"),
-        (
-            SAFE,
-            {"horizon": 0},
-            "horizon (max_episode_steps) needs a whole number from 1 to 1,000,000, got 0",
-        ),
+        (SAFE, {"horizon": 0}, "horizon needs a whole number from 1 to 1,000,000, got 0"),
     ],
 )
 def test_what_does_not_exist_is_one_clear_error(name, options, message):

@@ -79,12 +79,10 @@ def simulate(defaults: Options, **changes: Any) -> Simulation:
         threshold=_threshold(options.gap_threshold),
         lidar=Lidar(beams=count("beams", options.beams), reach=number("reach", options.reach)),
     )
-    # Gymnasium's name, where the caller wrote that one.
-    horizon = count("horizon (max_episode_steps)", options.horizon)
     return Simulation(
         tracks=_stack(options.tracks, switch("reverse", options.reverse)),
         settings=settings,
-        horizon=jnp.asarray(horizon, jnp.int32),
+        horizon=jnp.asarray(count("horizon", options.horizon), jnp.int32),
         stacked=count("stacked", options.stacked),
     )
 
@@ -96,10 +94,19 @@ def simulate_single(defaults: Options, **changes: Any) -> Simulation:
         UsageError: There is no such option, or it has no such value.
         TrackError: A map file cannot be read or driven.
     """
-    if "horizon" in changes:
-        raise UsageError("There is no option 'horizon' here. Use max_episode_steps.")
+    refuse_horizon(changes)
     _check_names(changes, [*_names_of(defaults), "camera", "render_mode"], defaults)
     return simulate(defaults, **changes)
+
+
+def refuse_horizon(changes: Iterable[str]) -> None:
+    """Refuse our name of what Gymnasium's environments are told by Gymnasium's.
+
+    Raises:
+        UsageError: It is there.
+    """
+    if "horizon" in changes:
+        raise UsageError("There is no option 'horizon' here. Use max_episode_steps.")
 
 
 def lists_options(defaults: Options) -> Callable[[Environment], Environment]:

@@ -14,9 +14,10 @@ from gymnasium.vector.utils import batch_space
 from jax import Array
 from numpy.typing import NDArray
 
-from hprs.envs.driving.options import Options, simulate
+from hprs.envs.driving.options import Options, refuse_horizon, simulate
 from hprs.envs.driving.simulation import Episode, Signals, Simulation
 from hprs.envs.driving.single import METADATA, action_space, draw_key, observation_space
+from hprs.envs.options import count
 from hprs.errors import UsageError
 
 Mask = NDArray[np.bool_]
@@ -54,8 +55,10 @@ class DrivingVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         **options: Any,
     ) -> None:
         super().__init__()
+        refuse_horizon(options)
         if max_episode_steps is not None:
-            options["horizon"] = max_episode_steps
+            # Here, so that an error names what the caller wrote.
+            options["horizon"] = count("max_episode_steps", max_episode_steps)
         simulation = simulate(self.defaults, **options)
         if isinstance(num_envs, bool) or not isinstance(num_envs, int) or num_envs < 1:
             raise UsageError(f"num_envs is a whole number from 1 on, not {num_envs!r}.")
