@@ -2,8 +2,8 @@
 
     python examples/with_stable_baselines3.py --steps 20000
 
-Needs `pip install 'hprs[classic,sb3]'`. `hprs train Pendulum-v1 --task examples/pendulum.hprs` does
-the same with a run directory, evaluations and resuming.
+Needs `pip install 'hprs[classic,sb3]'`. The same with a run directory, evaluations and resuming:
+`hprs train Pendulum-v1 --task examples/pendulum.hprs --trainer sb3`.
 """
 
 from __future__ import annotations
