@@ -143,6 +143,12 @@ class Shape:
     def _critic_sees(self, seen: Array, signals: Array) -> Array:
         return jnp.concatenate([seen, signals], -1) if self.settings.critic_signals else seen
 
+    def silence(self) -> dict[str, Array]:
+        """What is told of updates before the first one: zeros, in the form of `update`'s."""
+        names = [*Report._fields, "explained_variance", "learning_rate", "reward_scale"]
+        names += ["std"] * isinstance(self.actions, BoxActions)
+        return {name: jnp.zeros(()) for name in names}
+
     def update(
         self, member: Member, rollout: Rollout, weights: Weights, number: Array
     ) -> tuple[Member, dict[str, Array]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -89,10 +90,9 @@ def train(
         member, scalars = shape.update(state.member, rollout, weights, state.updates)
         return State(member, state.running, state.updates + 1), scalars
 
-    shapes = jax.eval_shape(lambda state: iteration((state, None))[1], state)
-    none = jax.tree.map(lambda one: jnp.zeros(one.shape, one.dtype), shapes)
     last = state.updates + iterations
-    return jax.lax.while_loop(lambda carry: carry[0].updates < last, iteration, (state, none))
+    start = (state, shape.silence())
+    return jax.lax.while_loop(lambda carry: carry[0].updates < last, iteration, start)
 
 
 def roll_out(
@@ -159,8 +159,11 @@ class DeviceSession(LearnerSession):
         )
         begun = jax.jit(partial(begin, self.shape, self._environment))
         self._state: State = begun(simulation, jax.random.key(configuration.seed))
-        self._train = jax.jit(partial(train, self.shape, self._environment), donate_argnums=1)
         self._trace = jax.jit(self._traced)
+        # Beside the first evaluation, which comes first and is compiled too.
+        beside = ThreadPoolExecutor(1, "compilation")
+        self._compiling = beside.submit(self._compiled)
+        beside.shutdown(wait=False)
 
     @property
     def member(self) -> Member:
@@ -186,7 +189,7 @@ class DeviceSession(LearnerSession):
         rollout = self.shape.settings.rollout
         wanted = -(-(until - self.step) // rollout)
         number = max(1, min(wanted, STEPS_A_CALL // rollout))
-        self._state, scalars = self._train(
+        self._state, scalars = self._compiling.result()(
             self._simulation, self._state, self.weights, jnp.int32(number)
         )
         self.told(scalars)
@@ -203,6 +206,11 @@ class DeviceSession(LearnerSession):
             assessment = assess(self._configuration.task, values)
             episodes.append(Episode(seed, float(found.total[index]), assessment))
         return episodes
+
+    def _compiled(self) -> Any:
+        function = jax.jit(partial(train, self.shape, self._environment), donate_argnums=1)
+        once = jnp.int32(1)
+        return function.lower(self._simulation, self._state, self.weights, once).compile()
 
     def _traced(self, simulation: Simulation, member: Member, keys: Array) -> Traces:
         return trace(self._environment, simulation, partial(self.shape.best, member), keys)
