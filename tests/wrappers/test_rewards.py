@@ -6,6 +6,7 @@ single environments do.
 
 from __future__ import annotations
 
+from copy import deepcopy
 from functools import cache
 from typing import Any
 
@@ -15,7 +16,7 @@ import pytest
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 
 import hprs
-from hprs.errors import UsageError
+from hprs.errors import SignalError, UsageError
 from hprs.rewards import EpisodeRobustness, Reward, WindowRobustness
 from hprs.wrappers.single import wrap
 from hprs.wrappers.vector import wrap_vector
@@ -185,3 +186,60 @@ def test_a_vector_of_rewards_is_announced_as_in_mo_gymnasium():
     envs.reset(seed=0)
     assert envs.step(np.zeros((2, 1)))[1].shape == (2, 4)
     assert not hasattr(wrap(Slider(), task, "tltl").unwrapped, "reward_space")
+
+
+ENVIRONMENTS = [(Slider, wrap), (lambda: SyncVectorEnv([Slider] * 2), wrap_vector)]
+
+
+@pytest.mark.parametrize(("make", "put"), ENVIRONMENTS)
+def test_an_environment_announces_what_its_newest_wrapper_pays(make, put):
+    bare, task = make(), slider_task()
+    put(bare, task, "vector")
+    assert (bare.reward_dim, bare.reward_space.shape) == (4, (4,))
+    put(bare, hprs.parse_task("signal x = obs[0] in [-3, 3]\nensure a: x <= 2"), "vector")
+    assert (bare.reward_dim, bare.reward_space.shape) == (1, (1,))
+    for reward in ("hprs", "env"):
+        put(bare, task, reward)
+        assert not hasattr(bare, "reward_space") and not hasattr(bare, "reward_dim")
+
+
+@pytest.mark.parametrize(("make", "put"), ENVIRONMENTS)
+def test_closing_takes_off_an_environment_what_was_announced_on_it(make, put):
+    bare, task = make(), slider_task()
+    older, newer = (put(bare, task, "vector") for _ in range(2))
+    older.close()
+    assert bare.reward_space is newer.reward_space
+    newer.close()
+    assert not hasattr(bare, "reward_space") and not hasattr(bare, "reward_dim")
+    newer.close()
+    # Below other wrappers, too.
+    outer = put(make(), task, "vector")
+    wrapper = gym.vector.VectorWrapper if put is wrap_vector else gym.Wrapper
+    wrapper(outer).close()
+    assert not hasattr(outer.unwrapped, "reward_space")
+
+
+@pytest.mark.parametrize(("make", "put"), ENVIRONMENTS)
+@pytest.mark.parametrize("source", ["obs[7]", "info.absent"])
+def test_nothing_is_announced_of_what_cannot_be_wrapped(make, put, source):
+    bare = make()
+    with pytest.raises(SignalError):
+        put(bare, hprs.parse_task(f"signal x = {source} in [0, 1]\nensure a: x <= 1"), "vector")
+    assert not hasattr(bare, "reward_space")
+
+
+def test_a_copy_of_an_environment_announces_for_itself():
+    env = wrap(Slider(), slider_task(), "vector")
+    copy = deepcopy(env)
+    assert copy.unwrapped.reward_space is copy.reward_space
+    copy.close()
+    assert not hasattr(copy.unwrapped, "reward_space")
+    assert env.unwrapped.reward_space is env.reward_space
+
+
+def test_a_reward_space_of_an_environment_s_own_stays():
+    bare = Slider()
+    bare.reward_space = gym.spaces.Box(-1.0, 0.0, (1,))
+    own = bare.reward_space
+    wrap(bare, slider_task(), "hprs").close()
+    assert bare.reward_space is own

@@ -7,11 +7,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import gymnasium as gym
-import numpy as np
 from gymnasium import wrappers as gym_wrappers
 
 from hprs.errors import UsageError
-from hprs.rewards.base import Reward, components_of
+from hprs.rewards.base import Reward
 from hprs.rewards.registry import REWARDS, make_reward
 from hprs.rewards.shaping import DEFAULT_END, End
 from hprs.spec.misuse import shown
@@ -90,17 +89,6 @@ def horizon_of(environment: Any) -> int | None:
     if spec is None and isinstance(environment.unwrapped, gym.vector.SyncVectorEnv):
         spec = environment.unwrapped.envs[0].spec
     return None if spec is None else spec.max_episode_steps
-
-
-def announce_components(wrapper: Any, reward: Reward) -> None:
-    """Say how many numbers a reward pays, where MO-Gymnasium and its learners look for it."""
-    labels = components_of(reward)
-    if labels is None:
-        return
-    space = gym.spaces.Box(-np.inf, np.inf, (len(labels),), np.float64)
-    # Learners ask the innermost environment, wrappers the outermost.
-    for environment in (wrapper, wrapper.unwrapped):
-        environment.reward_space, environment.reward_dim = space, len(labels)
 
 
 def warn_of_changed_observations(*environments: Any) -> None:

@@ -18,8 +18,8 @@ from hprs.semantics.evaluation import carry
 from hprs.semantics.plan import plan_of
 from hprs.semantics.single_state import float_evaluator
 from hprs.spec.task import ENV_REWARD, Task, require_task
+from hprs.wrappers.announcement import announce_components, withdraw_components
 from hprs.wrappers.arguments import (
-    announce_components,
     chosen_reward,
     require_environment,
     warn_of_changed_observations,
@@ -56,7 +56,10 @@ def wrap(
         env: The environment.
         task: The task.
         reward: A name of `hprs.rewards.REWARDS`, or a reward. One that pays several numbers, as
-            `"vector"`, gives the environment a `reward_space`, as MO-Gymnasium has it.
+            `"vector"`, gives the environment a `reward_space`, as MO-Gymnasium has it, until it is
+            closed. What a reward asks of the learner (`hprs.rewards.demands_of(env.reward)`: a
+            discount, the horizon as terminal) only `hprs train` applies; with another learner,
+            apply it yourself.
         end: End-of-episode convention of the shaping, `"paper"` unless given; see
             `hprs.rewards.shaping`. Only for rewards given by name.
         discount: The learner's discount; `end="invariant"` needs it. Only for rewards given by
@@ -112,7 +115,6 @@ class TaskWrapper(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         self.reward = reward
         warn_of_changed_observations(env)
         self._plan = plan = plan_of(task)
-        announce_components(self, reward)
         reader = make_reader(task, env.observation_space, env.action_space, signals)
         self._signals = StateReader(task, reader)
         self._evaluate = float_evaluator(plan)
@@ -128,6 +130,8 @@ class TaskWrapper(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         uses, beside what a reward finds there."""
         if reader.needs_probe:
             self._probe()
+        # Last: what could not be wrapped announces nothing.
+        announce_components(self, reward)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -175,6 +179,11 @@ class TaskWrapper(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         if terminated or truncated:
             info["assessment"] = episode.conclude(self._signals.outside)
         return observation, reward, terminated, truncated, info
+
+    def close(self) -> None:
+        """Close the environment."""
+        withdraw_components(self)
+        super().close()
 
     def _probe(self) -> None:
         """Reset once, without disturbing the environment's generator."""

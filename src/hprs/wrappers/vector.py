@@ -19,8 +19,8 @@ from hprs.semantics import assessment
 from hprs.semantics.evaluation import Evaluation, carry, evaluate_arrays
 from hprs.semantics.plan import plan_of
 from hprs.spec.task import ENV_REWARD, Task
+from hprs.wrappers.announcement import announce_components, withdraw_components
 from hprs.wrappers.arguments import (
-    announce_components,
     chosen_reward,
     require_environment,
     warn_of_changed_observations,
@@ -99,7 +99,6 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
         super().__init__(envs)
         self.task = task
         self.reward = reward
-        announce_components(self, reward)
         bare: Any = envs.unwrapped
         parts = bare.envs if isinstance(bare, SyncVectorEnv) else ()
         warn_of_changed_observations(envs, *parts)
@@ -129,6 +128,8 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
                 observation, infos = envs.reset()
             reader.at_reset(observation, self._zeros, infos)
             self._signals.at_reset(observation, self._zeros, infos, self._everyone)
+        # Last: what could not be wrapped announces nothing.
+        announce_components(self, reward)
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
@@ -178,6 +179,11 @@ class TaskVectorWrapper(VectorWrapper[Any, Any, Any, Any, Any]):
             if self._force is not None and forced.any() and not self._resets_by_mask:
                 self._force(forced)
         return observation, rewards, terminated, truncated, infos
+
+    def close(self, **kwargs: Any) -> None:
+        """Close all sub-environments."""
+        withdraw_components(self)
+        super().close(**kwargs)
 
     @property
     def reached_signal_values(self) -> Mapping[str, Any]:
