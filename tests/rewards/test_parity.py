@@ -103,7 +103,7 @@ def test_nan_pays_the_same_on_floats_and_in_one_row_of_a_batch(name, number, con
     np.testing.assert_array_equal(paid[:, others], whole[:, others])
 
 
-@pytest.mark.parametrize("number", [0, 1, 2])
+@pytest.mark.parametrize("number", range(len(TASKS)))
 def test_in_one_scan(number):
     task = TASKS[number]
     trace, last, how = batch(number, task)

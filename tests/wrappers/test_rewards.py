@@ -129,6 +129,32 @@ def test_stable_baselines3_is_paid_the_same(name, kind):
             assert done[i] == (terminated or truncated)
 
 
+def test_stable_baselines3_in_other_processes_is_paid_the_same():
+    from stable_baselines3.common.vec_env import SubprocVecEnv
+
+    # One a process, since a process takes seconds to start; each has a memory of another make.
+    chosen = [("hprs", "conquer"), ("bhnr", "conquer"), ("pam", "achieve")]
+
+    def making(name, kind):
+        return lambda: wrap(Slider(), slider_task(kind), variant(name, slider_task(kind)))
+
+    envs = SubprocVecEnv([making(*one) for one in chosen], start_method="spawn")
+    try:
+        envs.seed(0)
+        envs.reset()
+        ends = np.zeros(COUNT, int)
+        for number, action in enumerate(actions()):
+            _, rewards, done, _ = envs.step(action)
+            for i, one in enumerate(chosen):
+                reward, terminated, truncated = played(*one)[i][number]
+                assert rewards[i] == pytest.approx(reward, abs=1e-6)
+                assert done[i] == (terminated or truncated)
+            ends += done
+        assert (ends > 1).all()
+    finally:
+        envs.close()
+
+
 def test_the_window_of_bhnr_comes_from_the_registered_horizon():
     window = WindowRobustness(POLE, 25)
     assert wrap(gym.make("CartPole-v1"), POLE, "bhnr").reward == window
