@@ -31,21 +31,23 @@ class Lagrangian(gym.Wrapper[Any, Any, Any, Any]):
     def __init__(self, env: gym.Env[Any, Any], limit: float, *, rate: float = 0.01) -> None:
         super().__init__(env)
         self.limit, self.rate, self.multiplier = limit, rate, 1.0
-        self.costs = [0.0]
+        self.costs: list[float] = []
+        """Of the episodes that have ended: one that was broken off says nothing of the limit."""
+        self._cost = 0.0
 
     def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:
         """Begin an episode; its cost is counted anew."""
-        if self.costs[-1]:
-            self.costs.append(0.0)
+        self._cost = 0.0
         return self.env.reset(**options)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """A step, and the multiplier's at the end of an episode."""
         observation, reward, terminated, truncated, info = self.env.step(action)
-        self.costs[-1] += info["cost"]
+        self._cost += info["cost"]
         penalised = float(reward) - self.multiplier * info["cost"]
         if terminated or truncated:
-            self.multiplier += self.rate * (self.costs[-1] - self.limit)
+            self.costs.append(self._cost)
+            self.multiplier += self.rate * (self._cost - self.limit)
             self.multiplier = max(self.multiplier, 0.0)
         return observation, penalised, terminated, truncated, info
 
@@ -62,7 +64,10 @@ def main() -> None:
     wrapped = hprs.wrap(gym.make("Pendulum-v1"), task, end_on_violation=False)
     env = Lagrangian(wrapped, options.limit)
     PPO("MlpPolicy", env, n_steps=256, batch_size=64, seed=0, device="cpu").learn(options.steps)
-    print(f"Cost of the first episode {env.costs[0]:.0f}, of the last one {env.costs[-1]:.0f}.")
+    first, last = env.costs[0], env.costs[-1]
+    print(
+        f"Cost of the first of {len(env.costs)} episodes {first:.0f}, of the last one {last:.0f}."
+    )
     print(f"Limit {options.limit:g}, multiplier {env.multiplier:.3f}.")
 
 

@@ -9,6 +9,7 @@ import runpy
 import sys
 from pathlib import Path
 
+import gymnasium as gym
 import jax
 import numpy as np
 import pytest
@@ -115,18 +116,81 @@ def test_rewards_have_the_interface_of_mo_gymnasium(run):
 
 def test_safety_is_a_cost_with_a_limit(run):
     out = run("with_a_safety_cost", "--steps", 300, "--limit", 1)
-    assert re.search(r"Cost of the first episode \d+, of the last one \d+\.", out)
-    assert re.search(r"Limit 1, multiplier \d", out)
+    # PPO collects 2 * 256 steps: two whole episodes of 200, and one that it breaks off.
+    costs = re.search(r"Cost of the first of 2 episodes (\d+), of the last one (\d+)\.", out)
+    multiplier = 1.0
+    for cost in costs.groups():
+        multiplier = max(0.0, multiplier + 0.01 * (int(cost) - 1))
+    assert f"Limit 1, multiplier {multiplier:.3f}." in out
+
+
+class Scripted(gym.Env):
+    """An environment that pays 1 a step, with costs and ends as a list says."""
+
+    def __init__(self, steps):
+        self.steps = iter(steps)
+
+    def reset(self, *, seed=None, options=None):
+        return 0, {}
+
+    def step(self, action):
+        cost, terminated, truncated = next(self.steps)
+        return 0, 1.0, terminated, truncated, {"cost": cost}
+
+
+def test_the_multiplier_of_a_safety_cost_moves_as_by_hand():
+    on, dead, late = (False, False), (True, False), (False, True)
+    script = [(2, *on), (1, *dead), (0, *on), (0, *late), (3, *on), (0, *on), (2, *dead)]
+    example = runpy.run_path(str(EXAMPLES / "with_a_safety_cost.py"))
+    env = example["Lagrangian"](Scripted(script), limit=1.0, rate=0.5)
+    found = []
+    for number in range(len(script)):
+        # The third episode is broken off after two steps: its cost of 3 moves nothing.
+        if number in (0, 2, 4, 6):
+            env.reset()
+        found.append((env.step(0)[1], env.multiplier, list(env.costs)))
+    assert found == [
+        (1 - 1 * 2, 1.0, []),
+        # 1 + 0.5 * (3 - 1) = 2; the penalty of this step is by the multiplier before it.
+        (1 - 1 * 1, 2.0, [3.0]),
+        (1.0, 2.0, [3.0]),
+        # An episode without a cost counts: 2 + 0.5 * (0 - 1) = 1.5.
+        (1.0, 1.5, [3.0, 0.0]),
+        (1 - 1.5 * 3, 1.5, [3.0, 0.0]),
+        (1.0, 1.5, [3.0, 0.0]),
+        # 1.5 + 0.5 * (2 - 1) = 2.
+        (1 - 1.5 * 2, 2.0, [3.0, 0.0, 2.0]),
+    ]
+
+
+def test_the_multiplier_of_a_safety_cost_is_never_negative():
+    example = runpy.run_path(str(EXAMPLES / "with_a_safety_cost.py"))
+    env = example["Lagrangian"](Scripted([(0, True, False)]), limit=5.0, rate=1.0)
+    env.reset()
+    env.step(0)
+    # 1 + 1 * (0 - 5) = -4.
+    assert env.multiplier == 0.0
 
 
 def test_a_recorded_log_is_assessed_in_every_form(run):
     out = run("recorded_log", "--steps", 200, "--out", "logs")
     found = re.findall(r"(logs/\S+): (\d+) steps, PAM (\S+)", out)
-    names, steps, pams = zip(*found, strict=True)
-    assert names == ("logs/log.csv", "logs/log.parquet", "logs/bag", "logs/no_spin.csv")
-    # A bag's first tick has no action before it.
-    assert steps == ("200", "200", "199", "200")
-    assert pams[0] == pams[1] and pams[3] == "unknown"
+    example = runpy.run_path(str(EXAMPLES / "recorded_log.py"))
+    rows = example["record"](200)
+
+    def pam(first):
+        trace = {name: [row[name] for row in rows[first:]] for name in rows[0] if name != "time"}
+        return f"{hprs.assess(hprs.load_task(example['TASK']), trace).pam:.3f}"
+
+    assert found == [
+        ("logs/log.csv", "200", pam(0)),
+        ("logs/log.parquet", "200", pam(0)),
+        # A bag's first tick has no action before it.
+        ("logs/bag", "199", pam(1)),
+        ("logs/no_spin.csv", "200", "unknown"),
+    ]
+    # So that the bag cannot be right by chance.
+    assert pam(0) != pam(1)
     assert "The log does not say whether slow, calm is met." in out
 
 
