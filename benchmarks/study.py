@@ -159,6 +159,10 @@ def trained(study: Study, condition: Condition) -> list[RunDirectory]:
     return [RunDirectory(folder / f"seed-{seed}") for seed in range(study.seeds)]
 
 
+def _is_complete(run: RunDirectory) -> bool:
+    return run.policy_step("last") >= run.configuration.steps
+
+
 def assessed(run: RunDirectory, name: str, count: int) -> Found:
     """The row of a run's last policy, and its learning curve."""
     configuration = run.configuration
@@ -270,7 +274,7 @@ def main(study: Study) -> None:
     policies, curves = folder / "policies.csv", folder / "curves.csv"
     for text in () if study.tables_only else study.conditions:
         condition = parsed(text)
-        runs = [run for run in trained(study, condition) if run.policy_step("last") >= 0]
+        runs = [run for run in trained(study, condition) if _is_complete(run)]
         arguments = [runs, [condition.name] * len(runs), [study.episodes] * len(runs)]
         with ProcessPoolExecutor(study.workers, mp_context=get_context("spawn")) as pool:
             found = list(pool.map(assessed, *arguments))

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import jax
 
+_LARGEST = 2**30
+"""Bytes that are kept; with a limit JAX also lets no two processes write at once."""
 CACHE_VARIABLE = "HPRS_CACHE"
 """Environment variable: where compiled programs are kept, or `off`."""
 
@@ -21,6 +23,7 @@ def keep_compiled_programs() -> None:
     if chosen == "off":
         return
     home = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
-    folder = Path(chosen or Path(home, "hprs", "compiled")).expanduser()
+    folder = Path(chosen or Path(home, "hprs", "xla")).expanduser()
     jax.config.update("jax_compilation_cache_dir", str(folder))
+    jax.config.update("jax_compilation_cache_max_size", _LARGEST)
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)

@@ -17,12 +17,15 @@ from hprs.wrappers.single import TaskWrapper
 from hprs.wrappers.vector import wrap_vector
 
 
-def make_host(configuration: Configuration, number: int) -> HostEnvironments:
-    """A training's environments: a native vector environment where there is one.
+def make_host(
+    configuration: Configuration, number: int, *, vectorized: bool = True
+) -> HostEnvironments:
+    """A training's environments.
 
     Args:
         configuration: The training.
         number: How many environments.
+        vectorized: Whether to take a native vector environment where there is one.
 
     Raises:
         UsageError: The environment or the reward is unknown, or episodes have no horizon.
@@ -31,7 +34,7 @@ def make_host(configuration: Configuration, number: int) -> HostEnvironments:
     first = make_configured(configuration)
     spec = gym.spec(configuration.environment.rpartition(":")[2])
     options = {**configuration.environment_options, "max_episode_steps": _horizon(first)}
-    if not _vectorised(spec, options):
+    if not (vectorized and _vectorised(spec, options)):
         others = [make_configured(configuration) for _ in range(number - 1)]
         return SingleEnvironments([first, *others])
     first.close()

@@ -262,7 +262,7 @@ class Shape:
         if self.settings.normalize_advantage:
             batch = batch._replace(advantage=normalised(batch.advantage, batch.valid))
         gradient, report = jax.grad(self.loss, has_aux=True)(parameters, batch, weights)
-        length = optax.global_norm(gradient)
+        length = jnp.sqrt(sum(jnp.sum(g * g) for g in jax.tree.leaves(gradient)))
         shorter = jnp.minimum(1.0, weights.max_grad_norm / (length + _TINY))
         gradient = jax.tree.map(lambda g: g * shorter, gradient)
         direction, optimiser = OPTIMISER.update(gradient, optimiser)

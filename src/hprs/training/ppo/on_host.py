@@ -18,6 +18,7 @@ from hprs.training.evaluation import SIDE_BY_SIDE, Episode, evaluate
 from hprs.training.host import HostEnvironments, Transition, make_host
 from hprs.training.ppo.learner import Member, Rollout, Shape
 from hprs.training.ppo.learner_session import STATE, LearnerSession
+from hprs.training.ppo.settings import Settings
 from hprs.training.signal_scale import SignalScale, signal_scale
 from hprs.training.trees import pack_tree, unpack_tree
 from hprs.wrappers.single import TaskWrapper
@@ -103,7 +104,12 @@ class HostSession(LearnerSession):
         self.member = unpack_tree(contents[STATE], self.member)
         kept = json.loads(contents[COUNTS])
         self._step, self._updates = kept["step"], kept["updates"]
-        return self._environments.restore({**kept["environments"], **unpack(contents[ARRAYS])})
+        reasons = self._environments.restore({**kept["environments"], **unpack(contents[ARRAYS])})
+        if reasons:
+            # Which episodes have begun anew is not known: their returns would go on.
+            nothing = jnp.zeros_like(self.member.discounted)
+            self.member = self.member._replace(discounted=nothing)
+        return reasons
 
     def capture(self) -> dict[str, bytes]:
         """The whole state."""
@@ -188,5 +194,6 @@ class _Best:
 
 def open_host(configuration: Configuration, environment: TaskWrapper) -> HostSession:
     """A session that steps environments of its own."""
-    number = configuration.parameters["environments"]
-    return HostSession(configuration, environment, make_host(configuration, number))
+    settings = Settings.of(configuration.parameters)
+    environments = make_host(configuration, settings.environments, vectorized=settings.vectorized)
+    return HostSession(configuration, environment, environments)

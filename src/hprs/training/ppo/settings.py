@@ -14,6 +14,9 @@ class Settings:
 
     environments: int = 16
     """Environments that are stepped side by side."""
+    vectorized: bool = False
+    """Whether a native vector environment is stepped in one call, where there is one: faster for
+    many cheap environments, but a training that is resumed then begins new episodes."""
     n_steps: int = 256
     """Steps of each environment between two updates."""
     batch_size: int = 256
