@@ -122,7 +122,10 @@ def test_shaping_grows_with_the_weights(factor: float, seed: int) -> None:
             1.0,
             r"weights are a list, one a requirement \(calm, low, goal\), or a mapping from labels, got 1\.0\.$",
         ),
-        (None, r"weights are a list, .* got None\.$"),
+        (
+            None,
+            r"the reward morl needs the option weights: one number for each of calm, low, goal\.$",
+        ),
         (b"abc", r"weights are a list, .* got b'abc'\.$"),
         (
             {1.0, 2.0, 3.0},
