@@ -80,7 +80,7 @@ def ours(name: str) -> dict[str, float]:
     from hprs.training.ppo.training import open_session
 
     start = time.perf_counter()
-    session = open_session(configuration_of(name, "jax"), print)
+    session = open_session([configuration_of(name, "jax")])
 
     def advance() -> int:
         session.advance(session.step + 1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -102,25 +103,21 @@ class Shape:
             key=jax.random.key_data(key),
         )
 
-    def weights(self, steps: int) -> Weights:
-        """The hyper-parameters that are not shapes.
+    def weights(self, parameters: Mapping[str, Any], steps: int) -> Weights:
+        """The hyper-parameters that are not shapes, of one member.
 
         Args:
+            parameters: All hyper-parameters.
             steps: Environment steps of the whole training, for schedules.
         """
-        s = self.settings
-        scheduled = isinstance(s.learning_rate, str)
-        values = (
-            start_of(s.learning_rate) if isinstance(s.learning_rate, str) else s.learning_rate,
-            s.rollout / steps if scheduled else 0.0,
-            s.gamma,
-            s.gae_lambda,
-            s.clip_range,
-            s.ent_coef,
-            s.vf_coef,
-            s.max_grad_norm,
-        )
-        return Weights(*(jnp.asarray(value, jnp.float32) for value in values))
+        rate = parameters["learning_rate"]
+        start = start_of(rate) if isinstance(rate, str) else None
+        values = {
+            **{name: parameters[name] for name in Weights._fields if name in parameters},
+            "learning_rate": rate if start is None else start,
+            "decay": 0.0 if start is None else self.settings.rollout / steps,
+        }
+        return Weights(**{name: jnp.asarray(value, jnp.float32) for name, value in values.items()})
 
     def seen(self, member: Member, observation: Array) -> Array:
         """What the policy's network is given."""

@@ -28,16 +28,13 @@ CHECKS = 16
 
 
 class LearnerSession:
-    """A learner with its hyper-parameters and what is told of its updates.
+    """The shape of what learns, and what becomes of it.
 
     Args:
         configuration: What to train.
         environment: The wrapped environment.
         scale: Of the task's signals.
     """
-
-    member: Member
-    """What has been learned so far; a subclass says where it is."""
 
     def __init__(
         self, configuration: Configuration, environment: TaskWrapper, scale: SignalScale
@@ -55,35 +52,27 @@ class LearnerSession:
             signals=scale.size,
             actions=actions_of(environment.action_space),
         )
-        self.weights = self.shape.weights(configuration.steps)
         self._configuration, self._spaces = configuration, (space, environment.action_space)
         # Where time means anything, environments state the rate of their pictures.
         self._rate: float | None = environment.metadata.get("render_fps")
-        self._scalars: dict[str, float] = {}
 
-    @property
-    def scalars(self) -> Mapping[str, float]:
-        """What is told of the newest update."""
-        return self._scalars
+    def learned(self, member: int) -> Member:
+        """What a member has learned so far."""
+        raise NotImplementedError
 
-    def told(self, scalars: Mapping[str, Array]) -> None:
-        """Keep what an update reports."""
-        found = jax.device_get(dict(scalars))
-        self._scalars = {f"train/{name}": float(value) for name, value in found.items()}
-
-    def is_finite(self) -> bool:
-        """Whether the networks hold numbers."""
-        leaves = jax.tree.leaves(jax.device_get(self.member.parameters))
+    def is_finite(self, member: int) -> bool:
+        """Whether its networks hold numbers."""
+        leaves = jax.tree.leaves(jax.device_get(self.learned(member).parameters))
         return all(bool(np.isfinite(leaf).all()) for leaf in leaves)
 
-    def bundle(self, provenance: Mapping[str, object]) -> Bundle:
-        """The policy as it is now, with checks that this network has answered."""
-        member, (observations, _) = jax.device_get(self.member), self._spaces
-        normalised, seen = self.shape.settings.normalize_observations, member.observations
+    def bundle(self, member: int, provenance: Mapping[str, object]) -> Bundle:
+        """A member's policy as it is now, with checks that its network has answered."""
+        learned, (observations, _) = jax.device_get(self.learned(member)), self._spaces
+        normalised, seen = self.shape.settings.normalize_observations, learned.observations
         rows = _likely(seen, np.random.default_rng(0))
-        given = self.shape.best(member, jnp.asarray(rows))
+        given = self.shape.best(learned, jnp.asarray(rows))
         return Bundle(
-            layers=tuple(Layer(*map(np.asarray, one)) for one in member.parameters.policy),
+            layers=tuple(Layer(*map(np.asarray, one)) for one in learned.parameters.policy),
             observation=ObservationLayout(
                 shape=observations.shape,
                 mean=np.asarray(seen.mean) if normalised else None,
@@ -100,6 +89,12 @@ class LearnerSession:
 
     def close(self) -> None:
         """Nothing to close."""
+
+
+def told(scalars: Mapping[str, Array]) -> dict[str, float]:
+    """What an update reports, by the names of events."""
+    found = jax.device_get(dict(scalars))
+    return {f"train/{name}": float(value) for name, value in found.items()}
 
 
 def horizon_of(environment: TaskWrapper) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -28,12 +28,14 @@ from hprs.training.device import (
 )
 from hprs.training.evaluation import Episode
 from hprs.training.ppo.learner import Member, Rollout, Shape
-from hprs.training.ppo.learner_session import STATE, LearnerSession, horizon_of
+from hprs.training.ppo.learner_session import STATE, LearnerSession, horizon_of, told
 from hprs.training.ppo.losses import Weights
 from hprs.training.signal_scale import signal_scale
 from hprs.training.trees import pack_tree, unpack_tree
 from hprs.wrappers.signals import make_reader, zero_action
 from hprs.wrappers.single import TaskWrapper
+
+Tree = TypeVar("Tree")
 
 STEPS_A_CALL = 2**16
 """Environment steps of a compiled call: whoever watches hears of the progress after each."""
@@ -133,84 +135,132 @@ def roll_out(
 
 
 class DeviceSession(LearnerSession):
-    """A training whose environments are JAX functions.
+    """Trainings whose environments are JAX functions, as members of one program.
 
     Args:
-        configuration: What to train.
-        environment: The wrapped environment, for its spaces and horizon.
+        configurations: What to train; they make one program.
+        environment: The wrapped environment of the first, for its spaces and horizon.
         simulation: Its functions.
     """
 
     def __init__(
-        self, configuration: Configuration, environment: TaskWrapper, simulation: Simulation
+        self,
+        configurations: Sequence[Configuration],
+        environment: TaskWrapper,
+        simulation: Simulation,
     ) -> None:
-        scale = signal_scale(configuration.task)
-        super().__init__(configuration, environment, scale)
-        self._configuration, self._simulation = configuration, simulation
+        first = configurations[0]
+        scale = signal_scale(first.task)
+        super().__init__(first, environment, scale)
+        self._number, self._simulation = len(configurations), simulation
         self._environment = DeviceEnvironment(
-            task=configuration.task,
+            task=first.task,
             reward=environment.reward,
-            reader=make_reader(
-                configuration.task, environment.observation_space, environment.action_space
-            ),
+            reader=make_reader(first.task, environment.observation_space, environment.action_space),
             scale=scale,
             zero_action=jnp.asarray(zero_action(environment.action_space)),
             horizon=horizon_of(environment),
         )
-        begun = jax.jit(partial(begin, self.shape, self._environment))
-        self._state: State = begun(simulation, jax.random.key(configuration.seed))
-        self._trace = jax.jit(self._traced)
+        weights = [self.shape.weights(one.parameters, one.steps) for one in configurations]
+        self._weights: Weights = jax.tree.map(lambda *values: jnp.stack(values), *weights)
+        keys = jnp.stack([jax.random.key(one.seed) for one in configurations])
+        begun = _of_members(partial(begin, self.shape, self._environment), (None, 0))
+        self._states: State = jax.jit(begun)(simulation, keys)
+        self._scalars: list[dict[str, float]] = [{} for _ in configurations]
+        self._trace = jax.jit(_of_members(self._traced, (None, 0, None)))
         # Beside the first evaluation, which comes first and is compiled too.
         beside = ThreadPoolExecutor(1, "compilation")
         self._compiling = beside.submit(self._compiled)
         beside.shutdown(wait=False)
 
     @property
-    def member(self) -> Member:
-        """What has been learned so far."""
-        return self._state.member
-
-    @property
     def step(self) -> int:
-        """Environment steps so far."""
-        return int(self._state.updates) * self.shape.settings.rollout
+        """Environment steps of each member so far."""
+        return int(self._states.updates[0]) * self.shape.settings.rollout
 
-    def restore(self, contents: Mapping[str, bytes]) -> list[str]:
+    def learned(self, member: int) -> Member:
+        """What a member has learned so far."""
+        return _one(self._states.member, member)
+
+    def scalars(self, member: int) -> Mapping[str, float]:
+        """What is told of a member's newest update."""
+        return self._scalars[member]
+
+    def restore(self, member: int, contents: Mapping[str, bytes]) -> list[str]:
         """Go on from a capture: with running episodes and random numbers as they were."""
-        self._state = unpack_tree(contents[STATE], self._state)
+        found = unpack_tree(contents[STATE], _one(self._states, member))
+        self._states = jax.tree.map(lambda all_, one: all_.at[member].set(one), self._states, found)
         return []
 
-    def capture(self) -> dict[str, bytes]:
-        """The whole state."""
-        return {STATE: pack_tree(self._state)}
+    def capture(self, member: int) -> dict[str, bytes]:
+        """The whole state of a member."""
+        return {STATE: pack_tree(_one(jax.device_get(self._states), member))}
 
     def advance(self, until: int) -> None:
         """As many updates as it takes, but no more than a call should take."""
         rollout = self.shape.settings.rollout
         wanted = -(-(until - self.step) // rollout)
-        number = max(1, min(wanted, STEPS_A_CALL // rollout))
-        self._state, scalars = self._compiling.result()(
-            self._simulation, self._state, self.weights, jnp.int32(number)
+        number = max(1, min(wanted, STEPS_A_CALL // (rollout * self._number)))
+        self._states, scalars = self._compiling.result()(
+            self._simulation, self._states, self._weights, jnp.int32(number)
         )
-        self.told(scalars)
+        found = jax.device_get(scalars)
+        self._scalars = [told(_one(found, member)) for member in range(self._number)]
 
-    def evaluate(self, seeds: Sequence[int], watch: Callable[[int], None]) -> list[Episode]:
+    def evaluate(self, seeds: Sequence[int], watch: Callable[[int], None]) -> list[list[Episode]]:
         """All episodes in one compiled call; those of the Gymnasium environment, to 1e-5."""
         keys = np.stack([draw_key(np_random(seed)[0]) for seed in seeds])
-        found = jax.device_get(self._trace(self._simulation, self.member, keys))
+        found = jax.device_get(self._trace(self._simulation, self._states.member, keys))
         watch(len(seeds))
+        # What a member that has diverged does is no episode.
+        return [
+            self._episodes(_one(found, member), seeds) if self.is_finite(member) else []
+            for member in range(self._number)
+        ]
+
+    def _episodes(self, found: Traces, seeds: Sequence[int]) -> list[Episode]:
         episodes: list[Episode] = []
         for index, seed in enumerate(seeds):
             length = int(found.length[index])
             values = {name: all_[: length + 1, index] for name, all_ in found.values.items()}
-            assessment = assess(self._configuration.task, values)
+            assessment = assess(self._environment.task, values)
             episodes.append(Episode(seed, float(found.total[index]), assessment))
         return episodes
 
     def _compiled(self) -> Any:
-        function = jax.jit(partial(train, self.shape, self._environment), donate_argnums=1)
-        once = jnp.int32(1)
-        return function.lower(self._simulation, self._state, self.weights, once).compile()
+        trained = _of_members(partial(train, self.shape, self._environment), (None, 0, 0, None))
+        lowered = jax.jit(trained, donate_argnums=1).lower(
+            self._simulation, self._states, self._weights, jnp.int32(1)
+        )
+        return lowered.compile()
 
     def _traced(self, simulation: Simulation, member: Member, keys: Array) -> Traces:
         return trace(self._environment, simulation, partial(self.shape.best, member), keys)
+
+
+def _of_members(function: Callable[..., Any], axes: tuple[int | None, ...]) -> Callable[..., Any]:
+    """A function of one member as one of all of them, on the first axis of some arguments.
+
+    One member alone is computed without the axis, which on a CPU costs time.
+    """
+
+    def of_all(*arguments: Any) -> Any:
+        number = next(
+            len(jax.tree.leaves(given)[0])
+            for given, axis in zip(arguments, axes, strict=True)
+            if axis == 0
+        )
+        if number > 1:
+            return jax.vmap(function, axes)(*arguments)
+        alone = [
+            given if axis is None else _one(given, 0)
+            for given, axis in zip(arguments, axes, strict=True)
+        ]
+        return jax.tree.map(lambda leaf: leaf[None], function(*alone))
+
+    return of_all
+
+
+def _one(tree: Tree, index: int) -> Tree:
+    """What belongs to one member."""
+    return jax.tree.map(lambda leaf: leaf[index], tree)

@@ -17,7 +17,7 @@ from hprs.training.environment import make_configured
 from hprs.training.evaluation import SIDE_BY_SIDE, Episode, evaluate
 from hprs.training.host import HostEnvironments, Transition, make_host
 from hprs.training.ppo.learner import Member, Rollout, Shape
-from hprs.training.ppo.learner_session import STATE, LearnerSession
+from hprs.training.ppo.learner_session import STATE, LearnerSession, told
 from hprs.training.ppo.settings import Settings
 from hprs.training.signal_scale import SignalScale, signal_scale
 from hprs.training.trees import pack_tree, unpack_tree
@@ -67,7 +67,7 @@ class Record:
 
 
 class HostSession(LearnerSession):
-    """A training whose environments Python steps.
+    """A training whose environments Python steps; it has one member.
 
     Args:
         configuration: What to train.
@@ -83,6 +83,8 @@ class HostSession(LearnerSession):
     ) -> None:
         self._scale: SignalScale = signal_scale(configuration.task)
         super().__init__(configuration, environment, self._scale)
+        self._weights = self.shape.weights(configuration.parameters, configuration.steps)
+        self._scalars: dict[str, float] = {}
         self._environments = environments
         self.member: Member = jax.jit(self.shape.make)(jax.random.key(configuration.seed))
         self._act = jax.jit(self._drawn)
@@ -99,7 +101,15 @@ class HostSession(LearnerSession):
         """Environment steps so far; those that only reset an environment do not count."""
         return self._step
 
-    def restore(self, contents: Mapping[str, bytes]) -> list[str]:
+    def learned(self, member: int) -> Member:
+        """What has been learned so far."""
+        return self.member
+
+    def scalars(self, member: int) -> Mapping[str, float]:
+        """What is told of the newest update."""
+        return self._scalars
+
+    def restore(self, member: int, contents: Mapping[str, bytes]) -> list[str]:
         """Go on from a capture; episodes that cannot go on begin anew."""
         self.member = unpack_tree(contents[STATE], self.member)
         kept = json.loads(contents[COUNTS])
@@ -111,7 +121,7 @@ class HostSession(LearnerSession):
             self.member = self.member._replace(discounted=nothing)
         return reasons
 
-    def capture(self) -> dict[str, bytes]:
+    def capture(self, member: int) -> dict[str, bytes]:
         """The whole state."""
         state = self._environments.state()
         arrays = {name: value for name, value in state.items() if isinstance(value, np.ndarray)}
@@ -140,12 +150,12 @@ class HostSession(LearnerSession):
         self._step += int(rows.valid.sum())
         self.member, scalars = self._update(self.member, rows, jnp.int32(self._updates))
         self._updates += 1
-        self.told(scalars)
+        self._scalars = told(scalars)
 
-    def evaluate(self, seeds: Sequence[int], watch: Callable[[int], None]) -> list[Episode]:
+    def evaluate(self, seeds: Sequence[int], watch: Callable[[int], None]) -> list[list[Episode]]:
         """Run the policy on one episode a seed, some at a time."""
         policy = _Best(self._best, self.member)
-        return evaluate(lambda: make_configured(self._configuration), policy, seeds, watch)
+        return [evaluate(lambda: make_configured(self._configuration), policy, seeds, watch)]
 
     def close(self) -> None:
         """Close the environments."""
@@ -170,7 +180,7 @@ class HostSession(LearnerSession):
         rows = rows._replace(
             signals=self._scale(rows.signals), reached_signals=self._scale(rows.reached_signals)
         )
-        return self.shape.update(member, rows, self.weights, number)
+        return self.shape.update(member, rows, self._weights, number)
 
 
 class _Best:

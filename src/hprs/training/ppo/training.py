@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import json
+from collections.abc import Sequence
 from dataclasses import is_dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 from gymnasium.wrappers import OrderEnforcing, PassiveEnvChecker, TimeLimit
 
+from hprs.errors import RunError, UsageError
 from hprs.training.configuration import Configuration
 from hprs.training.environment import make_configured, require
+from hprs.training.interruption import Interruption
 from hprs.training.listener import Listener
 from hprs.training.run_directory import RunDirectory
 
@@ -31,26 +34,63 @@ def train(run: RunDirectory, listener: Listener | None = None) -> bool:
         RunError: See `hprs.training.session.train`.
         MissingExtraError: JAX is not installed.
     """
-    for package in ("jax", "optax", "tensorboard"):
-        require(package, "jax")
+    _require()
     from hprs.training import session
 
     return session.train(run, listener, open_session)
 
 
-def open_session(configuration: Configuration, notice: Callable[[str], None]) -> Session:
-    """A training that has not learned anything yet."""
+def train_together(
+    runs: Sequence[RunDirectory], listeners: Sequence[Listener], interruption: Interruption
+) -> list[bool | RunError]:
+    """Train runs whose configurations make one program; see `session.train_together`."""
+    _require()
+    from hprs.training import session
+
+    return session.train_together(runs, listeners, open_session, interruption)
+
+
+def program_of(configuration: Configuration) -> str:
+    """What a program is compiled for, as text: members may differ in the rest.
+
+    That is the seed, and hyper-parameters that are not shapes. The reward knows the discount.
+    """
+    from hprs.training.ppo.losses import Weights
+
+    content = configuration.to_json()
+    del content["seed"]
+    free = set(Weights._fields) - {"gamma"}
+    parameters = {k: v for k, v in content["parameters"].items() if k not in free}
+    return json.dumps({**content, "parameters": parameters}, sort_keys=True)
+
+
+def open_session(configurations: Sequence[Configuration]) -> Session:
+    """Trainings in one program, in which nothing is learned yet.
+
+    Raises:
+        UsageError: There are several, of environments that Python steps.
+    """
     from hprs.training.compilation import keep_compiled_programs
     from hprs.training.ppo.learner_session import horizon_of
     from hprs.training.ppo.on_device import DeviceSession
     from hprs.training.ppo.on_host import open_host
 
     keep_compiled_programs()
-    environment = make_configured(configuration)
+    first = configurations[0]
+    environment = make_configured(first)
     simulation = simulation_of(environment.env, horizon_of(environment))
     if simulation is not None:
-        return DeviceSession(configuration, environment, simulation)
-    return open_host(configuration, environment)
+        return DeviceSession(configurations, environment, simulation)
+    if len(configurations) > 1:
+        raise UsageError(
+            f"{first.environment} is stepped by Python: its trainings need a process each."
+        )
+    return open_host(first, environment)
+
+
+def _require() -> None:
+    for package in ("jax", "optax", "tensorboard"):
+        require(package, "jax")
 
 
 def simulation_of(environment: gym.Env[Any, Any], horizon: int) -> Any:
