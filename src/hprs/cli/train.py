@@ -145,8 +145,8 @@ class Train:
         tyro.conf.arg(
             metavar="N",
             help_behavior_hint="",
-            help="Runs that are trained side by side, each in a process of its own; default: with "
-            "the trainer jax one a core, with sb3 one.",
+            help="Runs that are trained side by side, each in a process of its own; 0: all in one "
+            "program. Default: with the trainer jax one a core, on a GPU 0; with sb3 one.",
         ),
     ] = None
     resume: Annotated[Path | None, tyro.conf.arg(metavar="RUN", help_behavior_hint="")] = None
@@ -157,8 +157,8 @@ class Train:
         """Train."""
         from hprs.cli.training import train_all
 
-        if self.workers is not None and self.workers < 1:
-            raise UsageError(f"--workers takes a number from 1 on, got {self.workers}.")
+        if self.workers is not None and self.workers < 0:
+            raise UsageError(f"--workers takes a number from 0 on, got {self.workers}.")
         if self.resume is not None:
             if self != Train(resume=self.resume, workers=self.workers):
                 raise UsageError("--resume takes no other option: a run keeps its configuration.")

@@ -12,7 +12,7 @@ from rich.console import Console
 
 from hprs.training.configuration import Configuration
 from hprs.training.population import Outcome, train_population
-from hprs.training.trainers import trainer_of
+from hprs.training.trainers import prefers_programs, trainer_of
 
 if TYPE_CHECKING:
     from hprs.training.run_directory import RunDirectory
@@ -42,6 +42,8 @@ def default_workers(runs: Sequence[RunDirectory]) -> int:
     """How many of some runs are trained side by side, where the user does not say."""
     if not any(run.configuration.trainer == "jax" for run in runs):
         return 1
+    if prefers_programs([run.configuration for run in runs]):
+        return 0
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

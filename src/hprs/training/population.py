@@ -13,9 +13,10 @@ from typing import Literal, Protocol, TypeAlias
 
 from hprs.errors import HprsError
 from hprs.training.configuration import Configuration
+from hprs.training.interruption import Interruption
 from hprs.training.listener import Listener
 from hprs.training.run_directory import RunDirectory
-from hprs.training.trainers import Train, trainer_of
+from hprs.training.trainers import Train, together_of, trainer_of
 
 State: TypeAlias = Literal["complete", "interrupted", "failed"]
 
@@ -66,12 +67,15 @@ def train_population(
     Args:
         runs: The members.
         audience: Hears of the progress.
-        workers: Processes that train side by side; with one, this process trains.
+        workers: Processes that train side by side; with one, this process trains. With 0, it trains
+            all members of a program at once, which is fastest on a GPU.
         find_trainer: Finds what trains a configuration.
 
     Returns:
         How each ended, in the order of the runs.
     """
+    if workers == 0:
+        return _train_programs(runs, audience)
     if min(workers, len(runs)) > 1:
         from hprs.training.crew import Crew
 
@@ -84,8 +88,8 @@ def train_member(run: RunDirectory, listener: Listener, find_trainer: FindTraine
     try:
         complete = find_trainer(run.configuration)(run, listener)
     except HprsError as error:
-        return Outcome(run, "failed", " ".join(str(error).split()))
-    return Outcome(run, "complete" if complete else "interrupted")
+        return _outcome(run, error)
+    return _outcome(run, complete)
 
 
 def _train_here(
@@ -101,3 +105,40 @@ def _train_here(
         audience.settled(outcome)
         outcomes.append(outcome)
     return outcomes
+
+
+def _train_programs(runs: Sequence[RunDirectory], audience: Audience) -> list[Outcome]:
+    """Train the members of each program at once, one program after the other."""
+    programs: dict[str, list[RunDirectory]] = {}
+    for run in runs:
+        found = together_of(run.configuration)
+        programs.setdefault(str(run.path) if found is None else found[0], []).append(run)
+    outcomes: dict[RunDirectory, Outcome] = {}
+    for members in programs.values():
+        for outcome in _train_program(members, audience):
+            outcomes[outcome.run] = outcome
+            audience.settled(outcome)
+    return [outcomes[run] for run in runs]
+
+
+def _train_program(members: Sequence[RunDirectory], audience: Audience) -> list[Outcome]:
+    found = together_of(members[0].configuration)
+    if found is None:
+        return [train_member(members[0], audience.member(members[0]), trainer_of)]
+    listeners = [audience.member(run) for run in members]
+    try:
+        with Interruption(audience.stopping) as interruption:
+            ends = found[1](members, listeners, interruption)
+    except HprsError as error:
+        return [Outcome(run, "failed", _in_a_line(error)) for run in members]
+    return [_outcome(run, end) for run, end in zip(members, ends, strict=True)]
+
+
+def _outcome(run: RunDirectory, end: bool | HprsError) -> Outcome:
+    if isinstance(end, HprsError):
+        return Outcome(run, "failed", _in_a_line(end))
+    return Outcome(run, "complete" if end else "interrupted")
+
+
+def _in_a_line(error: HprsError) -> str:
+    return " ".join(str(error).split())

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Protocol
 
+from hprs.errors import RunError
 from hprs.training.configuration import Configuration
+from hprs.training.interruption import Interruption
 from hprs.training.listener import Listener
 from hprs.training.run_directory import RunDirectory
 
@@ -25,6 +27,20 @@ class Train(Protocol):
         ...
 
 
+class TrainTogether(Protocol):
+    """Trains runs that make one program."""
+
+    def __call__(
+        self,
+        runs: Sequence[RunDirectory],
+        listeners: Sequence[Listener],
+        interruption: Interruption,
+        /,
+    ) -> list[bool | RunError]:
+        """Of each run whether it is complete, or what is wrong with it."""
+        ...
+
+
 _MODULES: Mapping[tuple[str, str], str] = MappingProxyType({("jax", "ppo"): "hprs.training.ppo"})
 """Trainer and algorithm to the module that has `train`; Stable-Baselines3's is one for all."""
 
@@ -33,3 +49,23 @@ def trainer_of(configuration: Configuration) -> Train:
     """What trains a configuration; nothing else is imported."""
     key = configuration.trainer, configuration.algorithm
     return importlib.import_module(_MODULES.get(key, "hprs.training.sb3")).train
+
+
+def together_of(configuration: Configuration) -> tuple[str, TrainTogether] | None:
+    """What program a configuration is trained in, and what trains all of its members at once.
+
+    None for a trainer that trains one at a time.
+    """
+    module = _MODULES.get((configuration.trainer, configuration.algorithm))
+    if module is None:
+        return None
+    found = importlib.import_module(module)
+    return found.program_of(configuration), found.train_together
+
+
+def prefers_programs(configurations: Sequence[Configuration]) -> bool:
+    """Whether members are trained fastest in one program: on a GPU, but not on a CPU."""
+    if not any((c.trainer, c.algorithm) in _MODULES for c in configurations):
+        return False
+    jax = importlib.import_module("jax")
+    return jax.default_backend() != "cpu"
