@@ -2,6 +2,7 @@
 
     .venv/bin/python benchmarks/ppo.py
     .venv/bin/python benchmarks/ppo.py --sbx PYTHON    # a Python that has sbx-rl and hprs
+    .venv/bin/python benchmarks/ppo.py --parts         # only where the time goes
 
 Rates are of steady learning: compilation and evaluations are left out, and shown beside it. Every
 learner has a process and a core of its own; a population of 10 is two such processes at once, as
@@ -21,9 +22,11 @@ from dataclasses import asdict
 from typing import Any
 
 CORES = sorted(os.sched_getaffinity(0))
-ROUNDS = 3
-SECONDS = 10.0
+ROUNDS = 2
+SECONDS = 6.0
 """Of learning in a measurement."""
+A_CALL = 20_000
+"""Environment steps that are learned from in a call, where a call can hold several updates."""
 ONE_CORE = {
     "OMP_NUM_THREADS": "1",
     "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1",
@@ -83,7 +86,7 @@ def ours(name: str) -> dict[str, float]:
     session = open_session([configuration_of(name, "jax")])
 
     def advance() -> int:
-        session.advance(session.step + 1)
+        session.advance(session.step + A_CALL)
         return session.step
 
     advance()
@@ -96,6 +99,71 @@ def ours(name: str) -> dict[str, float]:
     evaluation = time.perf_counter() - start
     rate = timed(advance)
     return {"rate": rate, "first": first, "trace": compiling, "evaluation": evaluation}
+
+
+def parts(name: str) -> dict[str, float]:
+    """Microseconds of each environment step that goes where, and of it in all."""
+    import jax
+
+    from hprs.training.ppo.on_device import DeviceSession
+    from hprs.training.ppo.training import open_session
+
+    session: Any = open_session([configuration_of(name, "jax")])
+    rollout = session.shape.settings.rollout
+    whole = 1e6 / ours(name)["rate"]
+    found = _device_parts if isinstance(session, DeviceSession) else _host_parts
+    spent = {key: 1e6 * seconds / rollout for key, seconds in found(session, jax).items()}
+    return {**spent, "all": whole}
+
+
+def _device_parts(session: Any, jax: Any) -> dict[str, float]:
+    """Seconds of a rollout, of acting in it, and of an update, each compiled alone."""
+    from functools import partial
+
+    from _common import seconds
+
+    from hprs.training.ppo import on_device
+
+    shape, environment, simulation = session.shape, session._environment, session._simulation
+    session.advance(session.step + 1)
+    state = on_device._one(session._states, 0)
+    weights = on_device._one(session._weights, 0)
+    roll_out = jax.jit(partial(on_device.roll_out, shape, environment))
+    _, rollout = roll_out(simulation, state)
+    update = jax.jit(shape.update)
+    noise = jax.numpy.zeros((shape.settings.n_steps, *rollout.action.shape[1:]))
+    act = jax.jit(
+        lambda member, seen, noise: jax.lax.map(lambda one: shape.act(member, seen, one), noise)
+    )
+    wait = jax.block_until_ready
+    acting = seconds(lambda: wait(act(state.member, rollout.observation[0], noise)), 5)
+    return {
+        "environment": seconds(lambda: wait(roll_out(simulation, state)), 5) - acting,
+        "acting": acting,
+        "update": seconds(lambda: wait(update(state.member, rollout, weights, 0)), 5),
+    }
+
+
+def _host_parts(session: Any, jax: Any) -> dict[str, float]:
+    """Seconds of a rollout's parts, timed where they are called."""
+    spent = dict.fromkeys(("acting", "environment", "update"), 0.0)
+
+    def timed_call(part: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*arguments: Any) -> Any:
+            start = time.perf_counter()
+            result = jax.block_until_ready(function(*arguments))
+            spent[part] += time.perf_counter() - start
+            return result
+
+        return call
+
+    session.advance(1)
+    session._act = timed_call("acting", session._act)
+    session._update = timed_call("update", session._update)
+    environments = session._environments
+    environments.step = timed_call("environment", environments.step)
+    session.advance(10**9)
+    return spent
 
 
 def theirs(name: str, *, sbx: bool = False, vector: bool = False) -> dict[str, float]:
@@ -143,6 +211,7 @@ def theirs(name: str, *, sbx: bool = False, vector: bool = False) -> dict[str, f
 
 WORK: Mapping[str, Callable[[str], dict[str, float]]] = {
     "ours": ours,
+    "parts": parts,
     "sb3": theirs,
     "sb3-vector": lambda name: theirs(name, vector=True),
     "sbx": lambda name: theirs(name, sbx=True),
@@ -207,11 +276,23 @@ def measure_all(python: str | None) -> None:
         show(f"ours, {name}, {len(CORES)} members at once", rates, bare)
 
 
+def print_parts() -> None:
+    """Print where the time of a step goes."""
+    for name in ("car", "1,024 cars", "lander", "walker"):
+        found = end(begin("parts", name, CORES[0]))
+        shown = ", ".join(f"{key} {value:.2f}" for key, value in found.items())
+        print(f"{name:44s} us an environment step: {shown}", flush=True)
+
+
 if __name__ == "__main__":
     match sys.argv[1:]:
         case ["--measure", what, name]:
             print(json.dumps(WORK[what](name)))
         case ["--sbx", python]:
             measure_all(python)
+            print_parts()
+        case ["--parts"]:
+            print_parts()
         case _:
             measure_all(None)
+            print_parts()
