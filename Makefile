@@ -11,10 +11,10 @@ BENCHMARKS = $(filter-out benchmarks/_%,$(wildcard benchmarks/*.py))
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test lint check soak bench clean
+.PHONY: help install demo demo-cartpole test lint check soak bench clean
 
 help: ## list the targets
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-13s %s\n", $$1, $$2 }' Makefile
 
 install: $(STAMP) ## create .venv and install the project with its tools
 
@@ -37,8 +37,11 @@ $(STAMP): pyproject.toml constraints.txt
 	@$(RUN) pip install -qq --disable-pip-version-check --no-input -c constraints.txt -e '.[dev]'
 	@touch $@
 
-demo: $(STAMP) ## train, assess and film a policy for the cart-pole task
+demo: $(STAMP) ## train, assess and film a car that drives a lap
 	@.venv/bin/python examples/demo.py
+
+demo-cartpole: $(STAMP) ## the same for the language's first example, a cart pole
+	@.venv/bin/python examples/demo.py hprs/CartPole-v0 --out runs/demo-cartpole
 
 # Each worker computes on one core, so that two of them do not fight for threads.
 test: export OMP_NUM_THREADS ?= 1
