@@ -3,8 +3,8 @@
     .venv/bin/python benchmarks/study.py hprs/SafeDriving-v0 hprs env tltl
     .venv/bin/python benchmarks/study.py hprs/SafeDriving-v0          # every condition
 
-A condition is a reward, `hprs:released` for another end of the episode, or `hprs:paper:blind` for a
-critic that does not see the task's signals. What was trained before is not trained again, and
+A condition is a reward, `hprs:released` for another end of the episode, and settings behind that, as
+in `hprs:paper:gamma=0.999`; `blind` stands for a critic that does not see the task's signals. What was trained before is not trained again, and
 Ctrl-C loses nothing: the same command goes on. Below results/ppo/ it leaves for each environment
 
     policies.csv    a row a policy: S, S+T, S+T+C, PAM and every requirement over 50 episodes
@@ -32,8 +32,9 @@ from typing import Any, cast
 import numpy as np
 import tyro
 
-from hprs.rewards.shaping import DEFAULT_END, End
+from hprs.rewards.shaping import DEFAULT_END, ENDS, End
 from hprs.semantics.assessment import accomplished_comfort, summarise
+from hprs.training.algorithms import parse_settings
 from hprs.training.configure import configure
 from hprs.training.environment import make_configured
 from hprs.training.evaluation import FINAL_SEEDS, episode_seeds, evaluate
@@ -43,6 +44,7 @@ from hprs.training.trained import load_policy
 RESULTS = Path(__file__).parent.parent / "results" / "ppo"
 EVALUATE_EVERY = {"hprs/SafeDriving-v0": 2_000, "hprs/FollowLeader-v0": 2_000}
 """Steps between evaluations, ten times as many after the 50th; elsewhere the default."""
+BLIND = "critic_signals=false"
 ENOUGH = 0.9
 """S+T of three evaluations in a row."""
 CONDITIONS = (
@@ -63,6 +65,10 @@ CONDITIONS = (
     "morl-decreasing:invariant",
     "rank-preserving",
     "pam",
+    "hprs:paper:gamma=0.999",
+    "hprs:released:gamma=0.999",
+    "hprs:paper:log_std_init=-1.5",
+    "hprs:released:log_std_init=-1.5",
 )
 """The paper's six rewards with the ends of an episode first, then the others."""
 
@@ -95,14 +101,18 @@ class Condition:
 
     reward: str
     end: End
-    blind: bool
-    """Whether the critic does not see the task's signals."""
+    words: tuple[str, ...]
+    """Settings that differ, as users write them."""
 
     @property
     def name(self) -> str:
         """Its name in the tables."""
-        words = [self.reward, *([self.end] if self.shaped else []), *(["blind"] * self.blind)]
-        return " ".join(words)
+        return " ".join([self.reward, *([self.end] if self.shaped else []), *self.words])
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Hyper-parameters that differ from the benchmark's."""
+        return parse_settings([BLIND if word == "blind" else word for word in self.words])
 
     @property
     def shaped(self) -> bool:
@@ -120,14 +130,15 @@ class Found:
 
 def parsed(text: str) -> Condition:
     """A condition as users name it."""
-    reward, *rest = text.split(":")
-    ends = [word for word in rest if word != "blind"]
-    return Condition(reward, cast("End", ends[0] if ends else DEFAULT_END), "blind" in rest)
+    reward, *words = text.split(":")
+    ends = [word for word in words if word in ENDS]
+    others = tuple(word for word in words if word not in ENDS)
+    return Condition(reward, cast("End", ends[0] if ends else DEFAULT_END), others)
 
 
 def trained(study: Study, condition: Condition) -> list[RunDirectory]:
     """The runs of a condition, trained to their end."""
-    settings = {"critic_signals": False} if condition.blind else {}
+    settings = condition.settings
     configurations = [
         configure(
             study.environment,
@@ -147,7 +158,11 @@ def trained(study: Study, condition: Condition) -> list[RunDirectory]:
     else:
         call += [study.environment, "--reward", condition.reward, "--end", condition.end]
         call += ["--seeds", str(study.seeds), "--out", str(study.out)]
-        call += [part for key, value in settings.items() for part in ("--set", f"{key}={value}")]
+        call += [
+            part
+            for key, value in settings.items()
+            for part in ("--set", f"{key}={json.dumps(value)}")
+        ]
         for option, value in (
             ("--steps", study.steps),
             ("--evaluate-every", EVALUATE_EVERY.get(study.environment)),
