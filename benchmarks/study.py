@@ -3,9 +3,10 @@
     .venv/bin/python benchmarks/study.py hprs/SafeDriving-v0 hprs env tltl
     .venv/bin/python benchmarks/study.py hprs/SafeDriving-v0          # every condition
 
-A condition is a reward, `hprs:released` for another end of the episode, and settings behind that, as
-in `hprs:paper:gamma=0.999`; `blind` stands for a critic that does not see the task's signals. What was trained before is not trained again, and
-Ctrl-C loses nothing: the same command goes on. Below results/ppo/ it leaves for each environment
+A condition is a reward, `hprs:released` for another end of the episode, and settings behind that,
+as in `hprs:paper:gamma=0.999`; `blind` stands for a critic that does not see the task's signals.
+What was trained before is not trained again, and Ctrl-C loses nothing: the same command goes on.
+Below results/ppo/ it leaves for each environment
 
     policies.csv    a row a policy: S, S+T, S+T+C, PAM and every requirement over 50 episodes
     curves.csv      a row an evaluation during the training: mean PAM, S, S+T and S+T+C
