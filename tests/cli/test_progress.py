@@ -4,10 +4,11 @@ from dataclasses import replace
 from rich.console import Console
 
 from hprs.cli.population_progress import PopulationProgress, labels
-from hprs.cli.progress import TrainingProgress, _clock
+from hprs.cli.progress import Pace, TrainingProgress, _clock, beginning
 from hprs.envs import task_text_of
 from hprs.semantics.assessment import Summary
 from hprs.training.configuration import Configuration
+from hprs.training.configure import configure
 from hprs.training.population import Outcome
 from hprs.training.run_directory import create_runs
 
@@ -21,6 +22,7 @@ def watch(*, terminal):
     console = Console(file=text, force_terminal=terminal, width=120)
     progress = TrainingProgress(console)
     progress.started(CONFIGURATION, 100)
+    progress.advanced(300)
     progress.advanced(500)
     progress.evaluated(500, SUMMARY)
     progress.stopping()
@@ -31,7 +33,7 @@ def watch(*, terminal):
 def test_a_file_gets_one_line_an_evaluation():
     lines = watch(terminal=False).splitlines()
     assert lines[0] == "hprs/CartPole-v0, hprs reward, ppo, 1,000 steps, from step 100"
-    assert lines[1].startswith("step       500  PAM 1.25  S 0.90  S+T 0.50  ")
+    assert lines[1].startswith("step       500  PAM 1.25  S 0.90  S+T 0.50")
     assert lines[1].endswith(" left")
     assert "Ctrl-C again stops now" in lines[2]
     assert len(lines) == 3
@@ -57,6 +59,7 @@ def watch_several(folder, *, terminal):
         first, second = progress.member(runs[0]), progress.member(runs[1])
         first.started(CONFIGURATION, 0)
         second.started(CONFIGURATION, 100)
+        first.advanced(300)
         first.advanced(500)
         first.evaluated(500, SUMMARY)
         if progress.bar is not None:
@@ -74,7 +77,7 @@ def test_a_file_gets_one_line_an_evaluation_of_each_member(tmp_path):
     lines = watch_several(tmp_path, terminal=False).splitlines()
     assert lines[0] == "hprs/CartPole-v0, ppo: 3 runs on 2 processes, 3,000 steps"
     assert lines[1] == "seed 1  from step 100"
-    assert lines[2].startswith("seed 0  step       500  PAM 1.25  S 0.90  S+T 0.50  ")
+    assert lines[2].startswith("seed 0  step       500  PAM 1.25  S 0.90  S+T 0.50")
     assert lines[2].endswith(" left")
     assert lines[3] == "seed 1  failed: it diverged."
     assert lines[4] == "seed 2  is complete."
@@ -103,3 +106,21 @@ def test_a_label_says_what_tells_a_member_from_the_others():
     assert labels(others) == ["hprs paper", "hprs released", "env"]
     steps = [CONFIGURATION, replace(CONFIGURATION, steps=7)]
     assert labels(steps) == [f"{found.digest} " for found in steps]
+
+
+def test_what_comes_before_the_first_steps_makes_no_pace(monkeypatch):
+    """Compilation takes longer than thousands of steps: a pace with it in would tell of hours."""
+    now = 100.0
+    monkeypatch.setattr("hprs.cli.progress.time.monotonic", lambda: now)
+    pace = Pace()
+    assert pace.rate(2_000) == 0.0
+    now = 102.0
+    assert pace.rate(2_000) == 0.0
+    assert pace.rate(42_000) == 20_000.0
+
+
+def test_the_jax_trainer_says_that_it_compiles():
+    jax = configure("hprs/CartPole-v0", steps=10)
+    sb3 = configure("hprs/CartPole-v0", steps=10, trainer="sb3")
+    assert beginning(jax) == "compiling (kept for the next time)"
+    assert beginning(sb3) == ""

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
 from hprs.cli.console import plural
-from hprs.cli.progress import describe, pace
+from hprs.cli.progress import Pace, beginning, describe, pace
 from hprs.rewards.registry import REWARDS
 from hprs.semantics.assessment import Summary
 from hprs.training.configuration import Configuration
@@ -39,7 +39,7 @@ class PopulationProgress:
         self._labels = dict(zip(runs, labels([run.configuration for run in runs]), strict=True))
         self._members: dict[RunDirectory, Member] = {}
         self._settled = 0
-        self._started = self._drawn = time.monotonic()
+        self._drawn, self._pace = time.monotonic(), Pace()
         self.bar: Progress | None = None
         self._all: TaskID | None = None
 
@@ -117,12 +117,13 @@ class PopulationProgress:
         self._drawn = time.monotonic()
         members = self._members.values()
         made = sum(member.step - member.first for member in members)
+        rate = self._pace.rate(made) if made else 0.0
         pams = [member.pam for member in members if member.pam is not None]
         self.bar.update(
             self._all,
             description=f"{self._settled} of {len(self._runs)} runs",
             completed=sum(member.step for member in members),
-            rate=f"{made / max(1e-9, self._drawn - self._started):,.0f}/s",
+            rate=f"{rate:,.0f}/s" if rate else "",
             measures=f"PAM {np.mean(pams):.2f}" if pams else "",
         )
 
@@ -143,15 +144,19 @@ class Member:
         self.pam: float | None = None
         """PAM of its newest evaluation."""
         self._task: TaskID | None = None
-        self._started = self._drawn = 0.0
+        self._begun, self._drawn, self._pace = False, 0.0, Pace()
 
     def started(self, configuration: Configuration, step: int) -> None:
         """Open a bar, or say from where on it goes on."""
         self.first = self.step = step
-        self._started = time.monotonic()
+        self._begun, self._pace = True, Pace()
         if self._shared.bar is not None:
             self._task = self._shared.bar.add_task(
-                self._label, total=self._steps, completed=step, rate="", measures=""
+                self._label,
+                total=self._steps,
+                completed=step,
+                rate=beginning(configuration),
+                measures="",
             )
         elif step:
             self._shared.say(f"{self._label}  from step {step:,}")
@@ -159,11 +164,11 @@ class Member:
     def advanced(self, step: int) -> None:
         """Move the bars, ten times a second."""
         self.step = step
-        now = time.monotonic()
+        rate, now = self._pace.rate(step), time.monotonic()
         if self._shared.bar is None or self._task is None or now - self._drawn <= _PAUSE:
             return
         self._drawn = now
-        self._shared.bar.update(self._task, completed=step, rate=f"{self._rate:,.0f}/s")
+        self._shared.bar.update(self._task, completed=step, rate=f"{rate:,.0f}/s" if rate else "")
         self._shared.moved()
 
     def evaluated(self, step: int, summary: Summary) -> None:
@@ -173,7 +178,7 @@ class Member:
             self._shared.bar.update(self._task, completed=step, measures=describe(summary))
             self._shared.moved()
             return
-        timing = pace(self._rate, self._steps - step)
+        timing = pace(self._pace.rate(step), self._steps - step) if step > self.first else ""
         self._shared.say(f"{self._label}  step {step:>9,}  {describe(summary)}{timing}")
 
     def noticed(self, text: str) -> None:
@@ -193,14 +198,9 @@ class Member:
     def settled(self, outcome: Outcome) -> None:
         """Close what is open, of a training that could not say that it ended."""
         self.ended()
-        if outcome.state == "complete" and not self._started:
+        if outcome.state == "complete" and not self._begun:
             # It was complete already.
             self.first = self.step = self._steps
-
-    @property
-    def _rate(self) -> float:
-        passed = time.monotonic() - self._started
-        return (self.step - self.first) / passed if passed > 0.0 else 0.0
 
 
 def labels(configurations: Sequence[Configuration]) -> list[str]:

@@ -16,6 +16,25 @@ from hprs.semantics.assessment import Summary
 from hprs.training.configuration import Configuration
 
 
+class Pace:
+    """How fast a training makes steps, without what comes before the first ones: compilation."""
+
+    def __init__(self) -> None:
+        self._since: tuple[int, float] | None = None
+
+    def rate(self, step: int) -> float:
+        """Steps a second since the first call that told of steps; 0 at that one.
+
+        Args:
+            step: How far the training is.
+        """
+        now = time.monotonic()
+        if self._since is None:
+            self._since = step, now
+        first, start = self._since
+        return (step - first) / (now - start) if step > first and now > start else 0.0
+
+
 class TrainingProgress:
     """A listener of one training that prints.
 
@@ -30,19 +49,20 @@ class TrainingProgress:
         self._total = 0
         self.trainings = 0
         """How many trainings have started, or gone on."""
-        self._first, self._started, self._drawn = 0, 0.0, 0.0
+        self._pace, self._drawn = Pace(), 0.0
 
     def started(self, configuration: Configuration, step: int) -> None:
         """Open a bar, or say what starts."""
         self.trainings += 1
-        self._total, self._first = configuration.steps, step
-        self._started = time.monotonic()
+        self._total, self._pace = configuration.steps, Pace()
         if not self._console.is_terminal:
             go_on = f", from step {step:,}" if step else ""
             self._say(
                 f"{configuration.environment}, {configuration.reward} reward, "
                 f"{configuration.algorithm}, {configuration.steps:,} steps{go_on}"
             )
+            if beginning(configuration):
+                self._say(beginning(configuration))
             return
         self._bar = Progress(
             TextColumn("{task.description}"),
@@ -57,18 +77,17 @@ class TrainingProgress:
             f"seed {configuration.seed}",
             total=configuration.steps,
             completed=step,
-            rate="",
+            rate=beginning(configuration),
             measures="",
         )
         self._bar.start()
 
     def advanced(self, step: int) -> None:
         """Move the bar, ten times a second."""
-        if self._bar is not None and self._task is not None:
-            now = time.monotonic()
-            if now - self._drawn > 0.1:
-                self._drawn = now
-                self._bar.update(self._task, completed=step, rate=f"{self._rate(step):,.0f}/s")
+        rate, now = self._pace.rate(step), time.monotonic()
+        if self._bar is not None and self._task is not None and now - self._drawn > 0.1:
+            self._drawn = now
+            self._bar.update(self._task, completed=step, rate=f"{rate:,.0f}/s" if rate else "")
 
     def evaluated(self, step: int, summary: Summary) -> None:
         """Show how good the policy is."""
@@ -76,7 +95,7 @@ class TrainingProgress:
         if self._bar is not None and self._task is not None:
             self._bar.update(self._task, completed=step, measures=measures)
             return
-        timing = pace(self._rate(step), self._total - step)
+        timing = pace(self._pace.rate(step), self._total - step) if step else ""
         self._say(f"step {step:>9,}  {measures}{timing}")
 
     def noticed(self, text: str) -> None:
@@ -93,10 +112,6 @@ class TrainingProgress:
         if self._bar is not None:
             self._bar.stop()
             self._bar = None
-
-    def _rate(self, step: int) -> float:
-        passed = time.monotonic() - self._started
-        return (step - self._first) / passed if passed > 0.0 else 0.0
 
     def _say(self, text: str) -> None:
         self._console.print(text, soft_wrap=True)
@@ -151,6 +166,11 @@ class EvaluationProgress:
                 self._bar.update(self._task, completed=before + complete)
 
         return watch
+
+
+def beginning(configuration: Configuration) -> str:
+    """What a training does before its first step, where that takes a while."""
+    return "compiling (kept for the next time)" if configuration.trainer == "jax" else ""
 
 
 def describe(summary: Summary) -> str:
