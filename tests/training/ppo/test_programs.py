@@ -39,17 +39,17 @@ def rollout(key):
     coin = lambda i: jax.random.bernoulli(keys[i], 0.1, (8, 4))
     return Rollout(normal(0, 3), normal(1, 2), normal(2, 1), normal(3) - 1, normal(4), coin(5), coin(6), ~coin(7), normal(8, 3), normal(1, 2))
 
-def learn(seed):
-    member = wide(shape.make(jax.random.key(seed)))
+def learn(seed, member):
     def update(member, number):
         made = wide(rollout(jax.random.fold_in(jax.random.key(seed), number)))
         return shape.update(member, made, weights, number)[0], None
     return jax.lax.scan(update, member, jnp.arange(100))[0].parameters
 
 seeds = jnp.arange(3)
-together = jax.jit(jax.vmap(learn))(seeds)
+members = [wide(shape.make(seed)) for seed in range(3)]
+together = jax.jit(jax.vmap(learn))(seeds, jax.tree.map(lambda *all_: jnp.stack(all_), *members))
 for seed in range(3):
-    alone = jax.jit(learn)(seed)
+    alone = jax.jit(learn)(seed, members[seed])
     for one, all_ in zip(jax.tree.leaves(alone), jax.tree.leaves(together)):
         assert one.dtype == jnp.float64
         np.testing.assert_allclose(all_[seed], one, rtol=1e-6, atol=1e-9)

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 import optax
 from jax import Array
 
@@ -78,20 +79,19 @@ class Shape:
     """Numbers that the task's signals have together."""
     actions: BoxActions | DiscreteActions
 
-    def make(self, seed: Array) -> Member:
-        """A member that has learned nothing.
-
-        Args:
-            seed: JAX key.
-        """
+    def make(self, seed: int) -> Member:
+        """A member that has learned nothing."""
         s = self.settings
-        policy_key, critic_key, key = jax.random.split(seed, 3)
+        # Child seeds, so that no draw of one purpose is that of another.
+        of_policy, of_critic, of_key = np.random.SeedSequence(seed).spawn(3)
         seen = self.observation + self.signals * s.critic_signals
         parameters = Parameters(
             policy=make_network(
-                policy_key, (self.observation, *s.net_arch, self.actions.outputs), 0.01
+                np.random.default_rng(of_policy),
+                (self.observation, *s.net_arch, self.actions.outputs),
+                0.01,
             ),
-            critic=make_network(critic_key, (seen, *s.net_arch, 1), 1.0),
+            critic=make_network(np.random.default_rng(of_critic), (seen, *s.net_arch, 1), 1.0),
             log_std=jnp.full(self.actions.outputs, s.log_std_init, jnp.float32),
         )
         return Member(
@@ -100,7 +100,7 @@ class Shape:
             observations=unseen((self.observation,)),
             returns=unseen(()),
             discounted=jnp.zeros(s.environments),
-            key=jax.random.key_data(key),
+            key=jnp.asarray(of_key.generate_state(2, np.uint32)),
         )
 
     def weights(self, parameters: Mapping[str, Any], steps: int) -> Weights:

@@ -50,16 +50,14 @@ class State(NamedTuple):
     """Made so far, () int32."""
 
 
-def begin(
-    shape: Shape, environment: DeviceEnvironment, simulation: Simulation, seed: Array
-) -> State:
+def begin(shape: Shape, environment: DeviceEnvironment, simulation: Simulation, seed: int) -> State:
     """A member that has learned nothing, and room for its episodes: its first rollout begins them.
 
     Args:
         shape: What is common to all members.
         environment: Task and reward.
         simulation: What is simulated.
-        seed: JAX key.
+        seed: Of the member.
     """
     keys = jax.ShapeDtypeStruct((shape.settings.environments, 2), jnp.uint32)
     shapes = jax.eval_shape(environment.reset, simulation, keys)
@@ -163,9 +161,10 @@ class DeviceSession(LearnerSession):
         )
         weights = [self.shape.weights(one.parameters, one.steps) for one in configurations]
         self._weights: Weights = jax.tree.map(lambda *values: jnp.stack(values), *weights)
-        keys = jnp.stack([jax.random.key(one.seed) for one in configurations])
-        begun = _of_members(partial(begin, self.shape, self._environment), (None, 0))
-        self._states: State = jax.jit(begun)(simulation, keys)
+        begun = [
+            begin(self.shape, self._environment, simulation, one.seed) for one in configurations
+        ]
+        self._states: State = jax.tree.map(lambda *leaves: jnp.stack(leaves), *begun)
         self._scalars: list[dict[str, float]] = [{} for _ in configurations]
         self._trace = jax.jit(_of_members(self._traced, (None, 0, None)))
         # Beside the first evaluation, which comes first and is compiled too.

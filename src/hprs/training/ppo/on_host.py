@@ -86,7 +86,7 @@ class HostSession(LearnerSession):
         self._weights = self.shape.weights(configuration.parameters, configuration.steps)
         self._scalars: dict[str, float] = {}
         self._environments = environments
-        self.member: Member = jax.jit(self.shape.make)(jax.random.key(configuration.seed))
+        self.member: Member = self.shape.make(configuration.seed)
         self._act = jax.jit(self._drawn)
         self._draw_noise = jax.jit(self._drawn_noise, static_argnums=(1, 2))
         self._best = jax.jit(self.shape.best)
