@@ -6,9 +6,8 @@ import hashlib
 import io
 import json
 import zipfile
-import zlib
 from pathlib import Path
-from typing import Any, Dict, Mapping, Union
+from typing import Any, Dict, Mapping, Tuple, Union
 
 import numpy as np
 
@@ -20,11 +19,11 @@ FORMAT = 1
 _CONTENT = "bundle.json"
 _DAMAGES = (
     zipfile.BadZipFile,
-    zlib.error,
     EOFError,
     KeyError,
-    NotImplementedError,
+    MemoryError,
     OSError,
+    OverflowError,
     RuntimeError,
     ValueError,
 )
@@ -33,8 +32,16 @@ _LONG_AGO = (1980, 1, 1, 0, 0, 0)
 
 
 def save_bundle(bundle: Bundle, path: Union[str, Path]) -> None:
-    """Write a bundle into a file."""
-    Path(path).write_bytes(to_bytes(bundle))
+    """Write a bundle into a file.
+
+    Raises:
+        BundleError: The file cannot be written.
+    """
+    data = to_bytes(bundle)
+    try:
+        Path(path).write_bytes(data)
+    except OSError as error:
+        raise BundleError("{} cannot be written: {}.".format(path, error.strerror)) from None
 
 
 def load_bundle(path: Union[str, Path]) -> Bundle:
@@ -62,7 +69,7 @@ def to_bytes(bundle: Bundle) -> bytes:
         "activation": bundle.activation,
         "observation": {
             "shape": list(bundle.observation.shape),
-            "clip": bundle.observation.clip,
+            "clip": float(bundle.observation.clip),
             "details": dict(bundle.observation.details),
         },
         "action": _action_content(bundle.action),
@@ -88,27 +95,53 @@ def from_bytes(data: bytes) -> Bundle:
     """
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            _refuse_compression(archive)
             content = json.loads(archive.read(_CONTENT).decode())
+            _refuse_other_formats(content)
             arrays = {
                 name[: -len(".npy")]: _array(archive.read(name))
                 for name in archive.namelist()
                 if name.endswith(".npy")
             }
+    except BundleError:
+        raise
     # Whatever a damaged archive, JSON text or array makes their readers say.
     except _DAMAGES as error:
         raise BundleError("it is damaged, or no bundle: {}.".format(error)) from None
-    if not isinstance(content, dict) or content.get("format") != FORMAT:
-        found = content.get("format") if isinstance(content, dict) else None
-        raise BundleError("its format is {}; this hprs reads format {}.".format(found, FORMAT))
     digest = content.pop("sha256", None)
     if digest != _digest(content, arrays):
-        raise BundleError("it was changed after it was written: its digest is another.")
+        raise BundleError(
+            "it was changed after it was written: its digest is another. Copy it anew."
+        )
     try:
         return _bundle(content, arrays)
+    except BundleError:
+        raise
     except (KeyError, TypeError, ValueError) as error:
-        if isinstance(error, BundleError):
-            raise
         raise BundleError("a part is missing or wrong: {}.".format(error)) from None
+
+
+def _refuse_compression(archive: zipfile.ZipFile) -> None:
+    """A few bytes could otherwise unpack to more than the memory holds."""
+    for entry in archive.infolist():
+        if entry.compress_type != zipfile.ZIP_STORED:
+            raise BundleError(
+                "{} in it is compressed; in a bundle nothing is.".format(entry.filename)
+            )
+
+
+def _refuse_other_formats(content: Any) -> None:
+    if not isinstance(content, dict) or "format" not in content:
+        raise BundleError("it is no bundle: its {} names no format.".format(_CONTENT))
+    if content["format"] != FORMAT:
+        provenance = content.get("provenance")
+        writer = provenance.get("written_by") if isinstance(provenance, dict) else None
+        raise BundleError(
+            "its format is {}, written by {}; this hprs reads format {}. "
+            "Use the version that wrote it.".format(
+                content["format"], writer or "an unknown version", FORMAT
+            )
+        )
 
 
 def _arrays(bundle: Bundle) -> Dict[str, np.ndarray]:
@@ -136,29 +169,37 @@ def _bundle(content: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Bun
     action: ActionLayout
     if acts["kind"] == "choice":
         action = ChoiceLayout(int(acts["outputs"]), int(acts["start"]))
+    elif acts["kind"] == "box":
+        action = BoxLayout(_shape(acts), arrays["low"], arrays["high"], acts["mapping"])
     else:
-        shape = tuple(acts["shape"])
-        action = BoxLayout(shape, arrays["low"], arrays["high"], acts["mapping"])
+        raise BundleError("an action is a box or a choice, not {!r}.".format(acts["kind"]))
     return Bundle(
         layers=tuple(
             Layer(arrays["weights-{}".format(number)], arrays["bias-{}".format(number)])
             for number in range(content["layers"])
         ),
         observation=ObservationLayout(
-            shape=tuple(seen["shape"]),
+            shape=_shape(seen),
             mean=arrays.get("mean"),
             deviation=arrays.get("deviation"),
-            clip=seen["clip"],
-            details=seen["details"],
+            clip=float(seen["clip"]),
+            details=dict(seen["details"]),
         ),
         action=action,
         activation=content["activation"],
-        task=content["task"],
+        task=dict(content["task"]),
         rate=content["rate"],
-        provenance=content["provenance"],
+        provenance=dict(content["provenance"]),
         check_observations=arrays.get("check-observations"),
         check_actions=arrays.get("check-actions"),
     )
+
+
+def _shape(content: Mapping[str, Any]) -> Tuple[int, ...]:
+    shape = tuple(int(length) for length in content["shape"])
+    if any(length < 0 for length in shape):
+        raise BundleError("a shape has no negative lengths, as {} does.".format(shape))
+    return shape
 
 
 def _digest(content: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> str:

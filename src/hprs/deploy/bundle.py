@@ -7,7 +7,7 @@ from typing import Any, Mapping, NamedTuple, Optional, Tuple
 
 import numpy as np
 
-from hprs.deploy.layouts import MAPPINGS, ActionLayout, BoxLayout, ObservationLayout
+from hprs.deploy.layouts import ActionLayout, ObservationLayout, check_array
 from hprs.errors import BundleError
 
 TOLERANCE = 1e-5
@@ -44,34 +44,45 @@ class Bundle:
     rate: Optional[float] = None
     """Decisions a second in training, Hz; None where an environment does not say."""
     provenance: Mapping[str, Any] = field(default_factory=dict)
-    """Run, step, versions: JSON values."""
+    """Where it comes from, as JSON; `written_by` names the program and its version."""
     check_observations: Optional[np.ndarray] = None
     """Observations to check itself with, (K, n) float32, flattened."""
     check_actions: Optional[np.ndarray] = None
-    """The actions that the trainer's own network takes there, (K, ...)."""
+    """The actions that the trainer's own network takes there, (K, *action.shape)."""
 
     def __post_init__(self) -> None:
+        """Raise BundleError where the parts do not fit together."""
         if self.activation not in _ACTIVATIONS:
             known = ", ".join(_ACTIVATIONS)
             raise BundleError("activation is one of {}, not {!r}.".format(known, self.activation))
-        if isinstance(self.action, BoxLayout) and self.action.mapping not in MAPPINGS:
-            known = ", ".join(MAPPINGS)
-            raise BundleError("mapping is one of {}, not {!r}.".format(known, self.action.mapping))
+        self._check_network()
+        if self.check_observations is not None and self.check_actions is not None:
+            count = len(self.check_observations)
+            check_array(
+                "check_observations", self.check_observations, (count, self.observation.size)
+            )
+            check_array("check_actions", self.check_actions, (count,) + self.action.shape)
+
+    def _check_network(self) -> None:
+        if not self.layers:
+            raise BundleError("the network has no layers.")
         size = self.observation.size
-        for number, layer in enumerate(self.layers):
-            if layer.weights.ndim != 2 or layer.weights.shape[0] != size:
+        for number, (weights, bias) in enumerate(self.layers):
+            if weights.ndim != 2 or weights.shape[0] != size:
                 raise BundleError(
-                    "layer {} takes {} numbers, but is given {}.".format(
-                        number, layer.weights.shape[:1], size
+                    "layer {} has weights of shape {}, but is given {} numbers.".format(
+                        number, weights.shape, size
                     )
                 )
-            size = layer.weights.shape[1]
-            if layer.bias.shape != (size,):
-                raise BundleError(
-                    "the bias of layer {} has shape {}, not {}.".format(
-                        number, layer.bias.shape, (size,)
-                    )
-                )
+            size = weights.shape[1]
+            for name, array, shape in (
+                ("weights", weights, weights.shape),
+                ("bias", bias, (size,)),
+            ):
+                where = "the {} of layer {}".format(name, number)
+                check_array(where, array, shape)
+                if not np.isfinite(array).all():
+                    raise BundleError("{} holds NaN or infinity.".format(where))
         if size != self.action.outputs:
             raise BundleError(
                 "the network has {} outputs, the action needs {}.".format(size, self.action.outputs)
@@ -85,7 +96,8 @@ class Bundle:
         """One action for each observation, (B, ...).
 
         Raises:
-            BundleError: They have another shape than in training, or hold NaN.
+            BundleError: They have another shape than in training, or hold NaN; see
+                `ObservationLayout.rows`.
         """
         return self.action.actions(self.network(self.observation.rows(observations)))
 
@@ -104,7 +116,9 @@ class Bundle:
         """
         if self.check_observations is None or self.check_actions is None:
             raise BundleError("this bundle holds nothing to check itself with.")
-        shape = (len(self.check_observations),) + tuple(self.observation.shape)
+        if not len(self.check_observations):
+            raise BundleError("this bundle holds no observations to check itself with.")
+        shape = (len(self.check_observations),) + self.observation.shape
         found = self.batch(self.check_observations.reshape(shape))
         limit = TOLERANCE * max(1.0, float(np.abs(self.check_actions).max()))
         difference = np.abs(found - self.check_actions).reshape(len(found), -1).max(axis=1)

@@ -13,6 +13,23 @@ MAPPINGS = ("clip", "tanh", "raw")
 """How an output becomes a number of an action; see `BoxLayout.mapping`."""
 
 
+def check_array(name: str, array: np.ndarray, shape: Tuple[int, ...]) -> None:
+    """See that an array holds real numbers in a shape.
+
+    Raises:
+        BundleError: It does not.
+    """
+    if array.dtype.kind not in "fiu":
+        raise BundleError("{} holds {}, not numbers.".format(name, array.dtype))
+    if array.shape != shape:
+        raise BundleError("{} has shape {}, not {}.".format(name, array.shape, shape))
+
+
+def _count(shape: Tuple[int, ...]) -> int:
+    """Numbers in an array of a shape."""
+    return int(np.prod(shape, dtype=int))
+
+
 @dataclass(frozen=True, eq=False)
 class ObservationLayout:
     """Of the environment's observations."""
@@ -28,16 +45,28 @@ class ObservationLayout:
     details: Mapping[str, Any] = field(default_factory=dict)
     """Labels, units, frames, lengths of histories: JSON values, for whoever builds observations."""
 
+    def __post_init__(self) -> None:
+        """Raise BundleError where the parts do not fit together."""
+        if (self.mean is None) != (self.deviation is None):
+            raise BundleError("mean and deviation come together, but one of them is missing.")
+        if self.mean is not None and self.deviation is not None:
+            check_array("mean", self.mean, (self.size,))
+            check_array("deviation", self.deviation, (self.size,))
+            if not (self.deviation > 0).all():
+                raise BundleError("deviation must be positive, got {}.".format(self.deviation))
+        if not self.clip > 0:
+            raise BundleError("clip must be positive, got {}.".format(self.clip))
+
     @property
     def size(self) -> int:
         """Numbers in an observation."""
-        return int(np.prod(self.shape, dtype=int))
+        return _count(self.shape)
 
     def rows(self, observations: Any) -> np.ndarray:
         """Observations (B, *shape) as the network sees them, (B, n) float32.
 
         Raises:
-            BundleError: They have another shape, or hold NaN.
+            BundleError: They have another shape, or hold NaN; or infinity, where nothing clips it.
         """
         given = np.asarray(observations, np.float32)
         if given.ndim < 1 or given.shape[1:] != self.shape:
@@ -46,15 +75,15 @@ class ObservationLayout:
                     self.shape, given.shape[1:]
                 )
             )
-        rows = given.reshape(len(given), self.size)
-        if np.isnan(rows).any():
-            row, column = np.argwhere(np.isnan(rows))[0]
+        flat = rows = given.reshape(len(given), self.size)
+        if self.mean is not None and self.deviation is not None:
+            rows = np.clip((flat - self.mean) / self.deviation, -self.clip, self.clip)
+        if not np.isfinite(rows).all():
+            row, column = np.argwhere(~np.isfinite(rows))[0]
             raise BundleError(
-                "Component {} of observation {} is NaN.".format(int(column), int(row))
+                "Component {} of observation {} is {}.".format(column, row, flat[row, column])
             )
-        if self.mean is None or self.deviation is None:
-            return rows
-        return np.clip((rows - self.mean) / self.deviation, -self.clip, self.clip)
+        return rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,13 +97,23 @@ class BoxLayout:
     high: np.ndarray
     """The upper ones."""
     mapping: str = "clip"
-    """`clip`: from -1 to 1, beyond that clipped, to the bounds; `tanh`: the hyperbolic tangent to
-    the bounds; `raw`: y itself. Where a bound is infinite y is taken itself. All are clipped."""
+    """`clip`: -1 to 1 is mapped to the bounds; `tanh`: its hyperbolic tangent is; `raw`: y itself.
+    Without two finite bounds it is always y itself. What is then beyond a bound is clipped."""
+
+    def __post_init__(self) -> None:
+        """Raise BundleError where the parts do not fit together."""
+        if self.mapping not in MAPPINGS:
+            known = ", ".join(MAPPINGS)
+            raise BundleError("mapping is one of {}, not {!r}.".format(known, self.mapping))
+        check_array("low", self.low, (self.outputs,))
+        check_array("high", self.high, (self.outputs,))
+        if not (self.low <= self.high).all():
+            raise BundleError("low {} must not be above high {}.".format(self.low, self.high))
 
     @property
     def outputs(self) -> int:
         """Of the network."""
-        return len(self.low)
+        return _count(self.shape)
 
     def actions(self, outputs: np.ndarray) -> np.ndarray:
         """Actions (B, *shape) float32 from outputs (B, m)."""
@@ -96,6 +135,16 @@ class ChoiceLayout:
     """Choices, one output each."""
     start: int = 0
     """The first one."""
+
+    def __post_init__(self) -> None:
+        """Raise BundleError where there is nothing to choose."""
+        if self.outputs < 1:
+            raise BundleError("a choice needs at least one output, got {}.".format(self.outputs))
+
+    @property
+    def shape(self) -> Tuple[int, ...]:
+        """Of one action: a single number."""
+        return ()
 
     def actions(self, outputs: np.ndarray) -> np.ndarray:
         """Actions (B,) int64 from outputs (B, m)."""

@@ -92,8 +92,8 @@ class BoxActions(Actions):
         """Scaled to the bounds, clipped, in the environment's shape."""
         low, high = np.asarray(self.low, np.float32), np.asarray(self.high, np.float32)
         bounded = np.isfinite(low) & np.isfinite(high)
-        centre = np.where(bounded, np.where(bounded, low + high, 0) / 2, 0)
-        half = np.where(bounded, np.where(bounded, high - low, 0) / 2, 1)
+        least, most = np.where(bounded, low, -1.0), np.where(bounded, high, 1.0)
+        centre, half = (least + most) / 2, (most - least) / 2
         scaled = jnp.clip(centre + half * actions, low, high)
         return scaled.reshape(*actions.shape[:-1], *self.shape)
 

@@ -217,7 +217,7 @@ def _check_bundle(name: str, bundle: Bundle, environment: gym.Env[Any, Any]) -> 
     if here.shape != seen:
         raise PolicyError(
             f"policy '{name}' sees observations of shape {seen}; this environment has "
-            f"{_brief(here)}."
+            f"{_shown(here)}."
         )
     space, action = environment.action_space, bundle.action
     fits = (
@@ -233,8 +233,13 @@ def _check_bundle(name: str, bundle: Bundle, environment: gym.Env[Any, Any]) -> 
             else f"numbers of shape {action.shape}"
         )
         raise PolicyError(
-            f"policy '{name}' decides on {kind}; this environment takes {_brief(space)}."
+            f"policy '{name}' decides on {kind}; this environment takes {_shown(space)}."
         )
+
+
+def _shown(space: gym.Space[Any]) -> str:
+    """The shape of numbers, which the many bounds of a `Box` would hide; others as they are."""
+    return f"shape {space.shape}" if isinstance(space, spaces.Box) else _brief(space)
 
 
 def _is_alike(one: gym.Space[Any], other: gym.Space[Any]) -> bool:

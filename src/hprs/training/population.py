@@ -114,21 +114,28 @@ def _train_programs(runs: Sequence[RunDirectory], audience: Audience) -> list[Ou
         found = together_of(run.configuration)
         programs.setdefault(str(run.path) if found is None else found[0], []).append(run)
     outcomes: dict[RunDirectory, Outcome] = {}
-    for members in programs.values():
-        for outcome in _train_program(members, audience):
-            outcomes[outcome.run] = outcome
-            audience.settled(outcome)
+    with Interruption(audience.stopping) as interruption:
+        for members in programs.values():
+            stopped = any(outcome.state == "interrupted" for outcome in outcomes.values())
+            if interruption.requested or stopped:
+                ended = [Outcome(run, "interrupted") for run in members]
+            else:
+                ended = _train_program(members, audience, interruption)
+            for outcome in ended:
+                outcomes[outcome.run] = outcome
+                audience.settled(outcome)
     return [outcomes[run] for run in runs]
 
 
-def _train_program(members: Sequence[RunDirectory], audience: Audience) -> list[Outcome]:
+def _train_program(
+    members: Sequence[RunDirectory], audience: Audience, interruption: Interruption
+) -> list[Outcome]:
     found = together_of(members[0].configuration)
     if found is None:
         return [train_member(members[0], audience.member(members[0]), trainer_of)]
     listeners = [audience.member(run) for run in members]
     try:
-        with Interruption(audience.stopping) as interruption:
-            ends = found[1](members, listeners, interruption)
+        ends = found[1](members, listeners, interruption)
     except HprsError as error:
         return [Outcome(run, "failed", _in_a_line(error)) for run in members]
     return [_outcome(run, end) for run, end in zip(members, ends, strict=True)]

@@ -15,6 +15,11 @@ def derive_seed(seed: int, step: int, index: int = 0) -> int:
     return int(np.random.SeedSequence(entropy).generate_state(1)[0] >> 2)
 
 
+def training_seed(seed: int, step: int, index: int = 0) -> int:
+    """Such a seed for an episode that is learned from: no evaluation has one so large."""
+    return 2**30 + derive_seed(seed, step, index)
+
+
 def generator_state(generator: np.random.Generator) -> dict[str, Any]:
     """The state of one of NumPy's generators."""
     return _to_json(generator.bit_generator.state)

@@ -22,6 +22,7 @@ from hprs.training.evaluation_table import format_rows
 from hprs.training.events import EventWriter
 from hprs.training.interruption import Interruption
 from hprs.training.listener import Listener, Silence
+from hprs.training.provenance import versions
 from hprs.training.run_directory import RunDirectory, Which
 
 POLICY = "policy.bundle"
@@ -57,7 +58,7 @@ class Session(Protocol):
         ...
 
     def advance(self, until: int) -> None:
-        """Learn for a while, at least one update, at most as far as a step."""
+        """Learn for a while: at least one update, and none that begins at a step or beyond it."""
         ...
 
     def is_finite(self, member: int) -> bool:
@@ -120,7 +121,7 @@ def train_together(
 ) -> list[bool | RunError]:
     """Train runs in one program.
 
-    Members that were stopped at different steps go on one after the other, those of one step
+    Members that were stopped at different places go on one after the other, those at one place
     together. One that fails does not stop the others.
 
     Args:
@@ -137,8 +138,8 @@ def train_together(
         for seat in seats:
             seat.open(stack)
         while waiting := [seat for seat in seats if seat.end is None]:
-            first = min(seat.progress.step for seat in waiting)
-            group = [seat for seat in waiting if seat.progress.step == first]
+            first = min(seat.place for seat in waiting)
+            group = [seat for seat in waiting if seat.place == first]
             if interruption.requested:
                 for seat in group:
                     seat.end = False
@@ -244,6 +245,12 @@ class _Seat:
         except RunError as error:
             self.end = error
 
+    @property
+    def place(self) -> tuple[int, ...]:
+        """How far the run is, and what is due when: members that agree in it stay in step."""
+        progress = self.progress
+        return progress.step, progress.evaluated, progress.evaluations, progress.next_evaluation
+
     def open(self, stack: ExitStack) -> None:
         """Lock the run until the end, and find out where it stands."""
         run, listener = self.run, self.listener
@@ -255,7 +262,8 @@ class _Seat:
             self.progress, self._rows = self._checkpoint.progress, self._checkpoint.rows
             # What a kill between the checkpoint and its policies has left undone.
             _keep_policies(run, self._checkpoint)
-            if self.progress.step >= run.configuration.steps:
+            # One that was stopped before its last evaluation is not.
+            if self.progress.evaluated >= run.configuration.steps:
                 listener.noticed(f"{run.path} is complete: {self.progress.step:,} steps.")
                 self.end = True
             elif run.changed_versions:
@@ -330,7 +338,11 @@ class _Seat:
 
     def _save(self, session: Session, *, evaluated: bool) -> Checkpoint:
         self._refuse_divergence(session)
-        provenance = {"run": str(self.run.path), "step": session.step}
+        provenance = {
+            "run": str(self.run.path),
+            "step": session.step,
+            "written_by": f"hprs {versions().get('hprs', 'of an unknown version')}",
+        }
         bundle = to_bytes(session.bundle(self.member, provenance))
         contents = {**session.capture(self.member), POLICY: bundle}
         checkpoint = Checkpoint(self.progress, self._rows, contents)

@@ -21,7 +21,7 @@ _LARGEST = 2.0
 class SignalScale:
     """Maps the range of every signal that a task uses to [-1, 1].
 
-    A range without two finite ends has no middle: x / (1 + |x|) stands in.
+    A range without two finite ends has no middle: x / (1 + |x|) stands in, and 1 for infinity.
     """
 
     names: tuple[str, ...]
@@ -60,7 +60,8 @@ class SignalScale:
         centre, half = np.asarray(self.centre, np.float32), np.asarray(self.half, np.float32)
         bounded = np.isfinite(half)
         scaled = jnp.clip((raw - centre) / np.where(bounded, half, 1), -_LARGEST, _LARGEST)
-        return jnp.where(bounded, scaled, raw / (1 + jnp.abs(raw)))
+        squashed = jnp.sign(raw) * (1 - 1 / (1 + jnp.abs(raw)))
+        return jnp.where(bounded, scaled, squashed)
 
 
 def signal_scale(task: Task) -> SignalScale:

@@ -54,18 +54,20 @@ def trainer_of(configuration: Configuration) -> Train:
 def together_of(configuration: Configuration) -> tuple[str, TrainTogether] | None:
     """What program a configuration is trained in, and what trains all of its members at once.
 
-    None for a trainer that trains one at a time.
+    None for a trainer that trains one at a time, and where environments need a process each.
     """
     module = _MODULES.get((configuration.trainer, configuration.algorithm))
     if module is None:
         return None
     found = importlib.import_module(module)
-    return found.program_of(configuration), found.train_together
+    program = found.program_of(configuration)
+    return None if program is None else (program, found.train_together)
 
 
 def prefers_programs(configurations: Sequence[Configuration]) -> bool:
     """Whether members are trained fastest in one program: on a GPU, but not on a CPU."""
     if not any((c.trainer, c.algorithm) in _MODULES for c in configurations):
         return False
-    jax = importlib.import_module("jax")
-    return jax.default_backend() != "cpu"
+    if importlib.import_module("jax").default_backend() == "cpu":
+        return False
+    return all(together_of(configuration) is not None for configuration in configurations)

@@ -10,7 +10,7 @@ from hprs.errors import RunError, UsageError
 from hprs.training.configure import configure
 from hprs.training.interruption import Interruption
 from hprs.training.listener import Silence
-from hprs.training.ppo import program_of, train_together
+from hprs.training.ppo import program_of, train, train_together
 from hprs.training.run_directory import create_runs
 from tests.training.ppo.point import ID, TASK
 
@@ -149,3 +149,24 @@ def test_what_python_steps_is_no_member_of_a_program(tmp_path):
         pytest.raises(UsageError, match="stepped by Python"),
     ):
         train_together(runs, [Silence()] * 2, interruption)
+
+
+def test_a_run_that_was_stopped_before_its_last_evaluation_is_not_complete(tmp_path, point):
+    class Late(Silence):
+        def __init__(self, interruption):
+            self.interruption = interruption
+
+        def advanced(self, step):
+            self.interruption.requested = step >= 96
+
+    [whole], [run] = (create_runs([point()], tmp_path / name) for name in ("whole", "run"))
+    assert train(whole, Silence())
+    with Interruption(lambda: None) as interruption:
+        assert train_together([run], [Late(interruption)], interruption) == [False]
+    assert run.policy_step("last") == 64
+    assert train(run, Silence())
+    assert run.evaluations() == whole.evaluations()
+    assert run.policy_step("last") == 96
+    # Now it is: nothing is evaluated again.
+    assert train(run, Silence())
+    assert run.evaluations() == whole.evaluations()

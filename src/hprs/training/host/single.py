@@ -13,7 +13,7 @@ from hprs.spec.task import Task
 from hprs.training.episode_log import EpisodeState
 from hprs.training.host.episodes import EpisodeLogs
 from hprs.training.host.interface import Seen, Transition, signal_names
-from hprs.training.random_states import derive_seed
+from hprs.training.random_states import training_seed
 from hprs.wrappers.single import TaskWrapper
 
 Pick = Callable[[Mapping[str, Any]], Sequence[float]]
@@ -49,7 +49,7 @@ class SingleEnvironments:
         """New episodes everywhere; the seeds of the environments are derived from one."""
         self._seed, self._steps = seed, 0
         rows = range(self.number)
-        return self._look([self._logs.reset(row, derive_seed(seed, 0, row)) for row in rows])
+        return self._look([self._logs.reset(row, training_seed(seed, 0, row)) for row in rows])
 
     def step(self, actions: np.ndarray) -> Transition:
         """Step all environments."""
@@ -104,7 +104,7 @@ class SingleEnvironments:
             EpisodeState(actions=state[f"actions {row}"], **episode)
             for row, episode in enumerate(state["episodes"])
         ]
-        seeds = [derive_seed(self._seed, self._steps, row) for row in range(self.number)]
+        seeds = [training_seed(self._seed, self._steps, row) for row in range(self.number)]
         observations, reasons = self._logs.replay(kept, seeds)
         self._look(observations)
         return [reason for reason in reasons if reason]

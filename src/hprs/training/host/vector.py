@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 
 from hprs.training.host.interface import Seen, Transition, signal_names
-from hprs.training.random_states import derive_seed
+from hprs.training.random_states import training_seed
 from hprs.wrappers.vector import TaskVectorWrapper
 
 CANNOT_COME_BACK = "a vector environment's state cannot be brought back"
@@ -95,10 +95,10 @@ class VectorEnvironments:
         self._environments.close()
 
     def _begin(self) -> Seen:
-        seed: Any = derive_seed(self._seed, self._steps)
+        seed: Any = training_seed(self._seed, self._steps)
         if isinstance(self._environments.unwrapped, SyncVectorEnv | AsyncVectorEnv):
             rows = range(self.number)
-            seed = [derive_seed(self._seed, self._steps, row) for row in rows]
+            seed = [training_seed(self._seed, self._steps, row) for row in rows]
         observation, _ = self._environments.reset(seed=seed)
         self._ended = np.zeros(self.number, bool)
         self._seen = self._newest(observation)

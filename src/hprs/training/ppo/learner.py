@@ -115,7 +115,7 @@ class Shape:
         values = {
             **{name: parameters[name] for name in Weights._fields if name in parameters},
             "learning_rate": rate if start is None else start,
-            "decay": 0.0 if start is None else self.settings.rollout / steps,
+            "decay": 0.0 if start is None else 1 / steps,
         }
         return Weights(**{name: jnp.asarray(value, jnp.float32) for name, value in values.items()})
 
@@ -147,7 +147,7 @@ class Shape:
         return {name: jnp.zeros(()) for name in names}
 
     def update(
-        self, member: Member, rollout: Rollout, weights: Weights, number: Array
+        self, member: Member, rollout: Rollout, weights: Weights, made: Array
     ) -> tuple[Member, dict[str, Array]]:
         """The member after the epochs of one rollout, and scalars about it.
 
@@ -158,11 +158,11 @@ class Shape:
             member: Before.
             rollout: Made by this member.
             weights: Hyper-parameters.
-            number: How many updates were made before, ().
+            made: Environment steps before the rollout, ().
         """
         member, scale = self._scaled(member, rollout, weights)
         batch, values = self._batch(member, rollout, weights, scale)
-        rate = weights.learning_rate * jnp.maximum(1 - weights.decay * number, 0)
+        rate = weights.learning_rate * jnp.maximum(1 - weights.decay * made, 0)
         member, report = self._epochs(member, batch, weights, rate)
         observations = member.observations.updated(rollout.observation, rollout.valid)
         member = member._replace(observations=observations)

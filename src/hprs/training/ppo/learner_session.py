@@ -12,6 +12,7 @@ from gymnasium import spaces
 from jax import Array
 
 from hprs.deploy import BoxLayout, Bundle, ChoiceLayout, Layer, ObservationLayout
+from hprs.envs.registration import benchmark_of
 from hprs.errors import UsageError
 from hprs.spec.json_format import task_to_json
 from hprs.training.actions import BoxActions, DiscreteActions, actions_of
@@ -53,16 +54,19 @@ class LearnerSession:
             actions=actions_of(environment.action_space),
         )
         self._configuration, self._spaces = configuration, (space, environment.action_space)
-        # Where time means anything, environments state the rate of their pictures.
-        self._rate: float | None = environment.metadata.get("render_fps")
+        # Of other environments the rate of pictures need not be that of decisions.
+        ours = benchmark_of(configuration.environment) is not None
+        self._rate: float | None = environment.metadata.get("render_fps") if ours else None
 
     def learned(self, member: int) -> Member:
         """What a member has learned so far."""
         raise NotImplementedError
 
     def is_finite(self, member: int) -> bool:
-        """Whether its networks hold numbers."""
-        leaves = jax.tree.leaves(jax.device_get(self.learned(member).parameters))
+        """Whether its networks and statistics hold numbers."""
+        learned = self.learned(member)
+        told = (learned.parameters, learned.observations, learned.returns)
+        leaves = jax.tree.leaves(jax.device_get(told))
         return all(bool(np.isfinite(leaf).all()) for leaf in leaves)
 
     def bundle(self, member: int, provenance: Mapping[str, object]) -> Bundle:

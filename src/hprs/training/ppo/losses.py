@@ -17,7 +17,7 @@ class Weights(NamedTuple):
     learning_rate: Array
     """At the start of the training."""
     decay: Array
-    """Share of it that an update takes away: 0 for a constant."""
+    """Share of it that an environment step takes away: 0 for a constant."""
     gamma: Array
     gae_lambda: Array
     clip_range: Array

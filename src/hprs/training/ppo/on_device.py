@@ -87,7 +87,8 @@ def train(
     def iteration(carry: tuple[State, Any]) -> tuple[State, dict[str, Array]]:
         state, _ = carry
         state, rollout = roll_out(shape, environment, simulation, state)
-        member, scalars = shape.update(state.member, rollout, weights, state.updates)
+        made = (state.updates * shape.settings.rollout).astype(jnp.float32)
+        member, scalars = shape.update(state.member, rollout, weights, made)
         return State(member, state.running, state.updates + 1), scalars
 
     last = state.updates + iterations
@@ -175,7 +176,8 @@ class DeviceSession(LearnerSession):
     @property
     def step(self) -> int:
         """Environment steps of each member so far."""
-        return int(self._states.updates[0]) * self.shape.settings.rollout
+        # One that could not be restored has made none.
+        return int(self._states.updates.max()) * self.shape.settings.rollout
 
     def learned(self, member: int) -> Member:
         """What a member has learned so far."""

@@ -91,7 +91,7 @@ class HostSession(LearnerSession):
         self._draw_noise = jax.jit(self._drawn_noise, static_argnums=(1, 2))
         self._best = jax.jit(self.shape.best)
         self._update = jax.jit(self._updated, donate_argnums=0)
-        self._step = self._updates = 0
+        self._step = 0
         seen = environments.reset(configuration.seed)
         action, _, _ = self._act(self.member, seen.observation, self._noise()[0])
         self._record = Record(self.shape, np.asarray(action))
@@ -113,7 +113,7 @@ class HostSession(LearnerSession):
         """Go on from a capture; episodes that cannot go on begin anew."""
         self.member = unpack_tree(contents[STATE], self.member)
         kept = json.loads(contents[COUNTS])
-        self._step, self._updates = kept["step"], kept["updates"]
+        self._step = kept["step"]
         reasons = self._environments.restore({**kept["environments"], **unpack(contents[ARRAYS])})
         if reasons:
             # Which episodes have begun anew is not known: their returns would go on.
@@ -127,7 +127,6 @@ class HostSession(LearnerSession):
         arrays = {name: value for name, value in state.items() if isinstance(value, np.ndarray)}
         kept = {
             "step": self._step,
-            "updates": self._updates,
             "environments": {name: state[name] for name in state if name not in arrays},
         }
         return {
@@ -146,10 +145,9 @@ class HostSession(LearnerSession):
             )
             made = environments.step(given)
             self._record.add(time, seen, action, log_prob, made)
-        rows = self._record.rows
+        rows, made = self._record.rows, self._step
         self._step += int(rows.valid.sum())
-        self.member, scalars = self._update(self.member, rows, jnp.int32(self._updates))
-        self._updates += 1
+        self.member, scalars = self._update(self.member, rows, jnp.float32(made))
         self._scalars = told(scalars)
 
     def evaluate(self, seeds: Sequence[int], watch: Callable[[int], None]) -> list[list[Episode]]:
@@ -167,7 +165,8 @@ class HostSession(LearnerSession):
         return np.asarray(self._draw_noise(self.member.key, s.n_steps, s.environments))
 
     def _drawn_noise(self, data: Array, steps: int, number: int) -> Array:
-        key = jax.random.fold_in(jax.random.wrap_key_data(data), 0)
+        # The update splits the key in two, which are what 0 and 1 would give.
+        key = jax.random.fold_in(jax.random.wrap_key_data(data), 2)
         return self.shape.actions.noise(key, (steps, number))
 
     def _drawn(self, member: Member, observation: Array, noise: Array) -> tuple[Any, Any, Any]:
@@ -175,12 +174,12 @@ class HostSession(LearnerSession):
         return action, log_prob, self.shape.actions.for_environment(action)
 
     def _updated(
-        self, member: Member, rows: Rollout, number: Array
+        self, member: Member, rows: Rollout, made: Array
     ) -> tuple[Member, dict[str, Array]]:
         rows = rows._replace(
             signals=self._scale(rows.signals), reached_signals=self._scale(rows.reached_signals)
         )
-        return self.shape.update(member, rows, self._weights, number)
+        return self.shape.update(member, rows, self._weights, made)
 
 
 class _Best:
