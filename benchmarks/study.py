@@ -32,6 +32,7 @@ from typing import Any, cast
 
 import numpy as np
 import tyro
+from _common import interquartile_mean
 
 from hprs.rewards.shaping import DEFAULT_END, ENDS, End
 from hprs.semantics.assessment import accomplished_comfort, summarise
@@ -248,13 +249,6 @@ def read(file: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
-def interquartile_mean(values: np.ndarray) -> float:
-    """Mean of the middle half, quarters of values weighted."""
-    from scipy.stats import trim_mean
-
-    return float(trim_mean(values, 0.25))
-
-
 def interval(values: np.ndarray, draws: int = 10_000) -> tuple[float, float]:
     """95 % bootstrap interval of the mean over seeds."""
     rng = np.random.default_rng(0)
@@ -279,7 +273,7 @@ def print_table(rows: Sequence[dict[str, str]]) -> None:
         took += f" ({never} of {len(own)} never)" if never and not np.isinf(middle) else ""
         print(
             f"| {name} | {column['S'].mean():.2f} | {target.mean():.2f} | {(target < 0.5).sum()} "
-            f"| {interquartile_mean(target):.2f} | {low:.2f} to {high:.2f} "
+            f"| {float(interquartile_mean(target)):.2f} | {low:.2f} to {high:.2f} "
             f"| {column['S+T+C'].mean():.2f} | {took} |"
         )
 

@@ -1,8 +1,7 @@
 """Environments that are JAX functions, with a task on them, many at once and without Python.
 
-An environment is trained so if its unwrapped object has an attribute `simulation`: a tree of arrays
-with two pure functions of one episode, `reset(key) -> (state, observation, signals)` and
-`step(state, action) -> (state, observation, signals, env_reward, terminated, truncated)`.
+An environment is trained so if its unwrapped object has an attribute `simulation`, which is a
+`hprs.envs.simulated.Simulation`.
 """
 
 from __future__ import annotations
@@ -10,12 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jax import Array
 
+from hprs.envs.simulated import Simulation
 from hprs.rewards.base import Reward
 from hprs.semantics.evaluation import carry, evaluate
 from hprs.semantics.plan import plan_of
@@ -24,21 +24,8 @@ from hprs.training.signal_scale import SignalScale
 from hprs.wrappers.signals import Reader
 
 SHORTEST = 8
-"""Steps of an episode: new ones are made in stock, one for so many steps of each environment. Two
-episodes that end within fewer steps of one another may be followed by the same one."""
-
-
-@runtime_checkable
-class Simulation(Protocol):
-    """One episode as pure functions; a tree of arrays, given to compiled functions as argument."""
-
-    def reset(self, key: Array) -> tuple[Any, Array, dict[str, Array]]:
-        """State, observation (n,) and signals of a new episode."""
-        ...
-
-    def step(self, state: Any, action: Array) -> tuple[Any, Array, dict[str, Array], Any, Any, Any]:
-        """State, observation, signals, the environment's own reward, terminated, truncated."""
-        ...
+"""Steps of an episode: new ones are made in stock, one for so many steps of each environment. Where
+episodes are shorter than that, the stock of a rollout begins from its first again."""
 
 
 class Running(NamedTuple):

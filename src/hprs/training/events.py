@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from types import TracebackType
 from typing import Any
 
+from hprs.semantics.assessment import Summary
 from hprs.training.environment import require
 from hprs.training.run_directory import RunDirectory
 
@@ -78,3 +79,14 @@ class EventWriter:
         with self._run.writing():
             self._records.write(record.SerializeToString())
             self._file.flush()
+
+
+def assessment_scalars(summary: Summary) -> dict[str, float]:
+    """What is told of an evaluation, by the names of events."""
+    return {
+        "assessment/PAM": summary.pam,
+        "assessment/S": summary.safe,
+        "assessment/S+T": summary.safe_target,
+        "assessment/S+T+C": summary.safe_target_comfort,
+        **{f"requirement/{label}": value for label, value in summary.requirements.items()},
+    }

@@ -9,6 +9,10 @@ from types import FrameType, TracebackType
 from typing import Any
 
 
+class Stopped(Exception):  # noqa: N818
+    """Leaves what is not waited for: an evaluation, or a learner's loop between two rollouts."""
+
+
 class Interruption:
     """While it is entered, the first SIGINT or SIGTERM sets `requested`; a second acts as usual.
 

@@ -14,23 +14,19 @@ from typing import Protocol, TypeAlias
 from hprs.deploy import Bundle
 from hprs.deploy.archive import to_bytes
 from hprs.errors import RunError
-from hprs.semantics.assessment import Summary, summarise
+from hprs.semantics.assessment import summarise
 from hprs.training.checkpoint import Checkpoint, Progress
 from hprs.training.configuration import Configuration
 from hprs.training.evaluation import Episode, training_seeds
 from hprs.training.evaluation_table import format_rows
-from hprs.training.events import EventWriter
-from hprs.training.interruption import Interruption
+from hprs.training.events import EventWriter, assessment_scalars
+from hprs.training.interruption import Interruption, Stopped
 from hprs.training.listener import Listener, Silence
 from hprs.training.provenance import versions
 from hprs.training.run_directory import RunDirectory, Which
 
 POLICY = "policy.bundle"
 TRAINER = "jax"
-
-
-class Stopped(Exception):  # noqa: N818
-    """Leaves an evaluation that is not waited for."""
 
 
 class Session(Protocol):
@@ -307,7 +303,7 @@ class _Seat:
             self._rows = format_rows(configuration.task, step, episodes)
             _keep_policies(self.run, self._save(session, evaluated=True))
             summary = summarise([episode.assessment for episode in episodes])
-            scalars = {**_assessed(summary), **session.scalars(self.member)}
+            scalars = {**assessment_scalars(summary), **session.scalars(self.member)}
             self._events.write(scalars, step)
             self.listener.evaluated(step, summary)
 
@@ -368,13 +364,3 @@ def _keep_policies(run: RunDirectory, checkpoint: Checkpoint) -> None:
         if step == progress.step and run.policy_step(which) != step:
             data = checkpoint.contents[POLICY]
             run.save_policy(which, trainer=TRAINER, step=step, name=POLICY, data=data)
-
-
-def _assessed(summary: Summary) -> dict[str, float]:
-    return {
-        "assessment/PAM": summary.pam,
-        "assessment/S": summary.safe,
-        "assessment/S+T": summary.safe_target,
-        "assessment/S+T+C": summary.safe_target_comfort,
-        **{f"requirement/{label}": value for label, value in summary.requirements.items()},
-    }

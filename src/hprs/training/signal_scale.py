@@ -66,19 +66,17 @@ class SignalScale:
 
 def signal_scale(task: Task) -> SignalScale:
     """The scale of a task's signals."""
-    used = plan_of(task).signals
-    names: list[str] = []
+    names = plan_of(task).signals
+    declared = {signal.name: signal for signal in task.signals}
     lengths: list[int | None] = []
     centre: list[float] = []
     half: list[float] = []
-    for signal in task.signals:
-        if signal.name not in used:
-            continue
-        low, high = task.ranges[signal.name].low, task.ranges[signal.name].high
+    for name in names:
+        low, high = task.ranges[name].low, task.ranges[name].high
         bounded = np.isfinite([low, high]).all() and high > low
-        count = 1 if signal.length is None else signal.length
-        names.append(signal.name)
-        lengths.append(signal.length)
+        length = declared[name].length
+        count = 1 if length is None else length
+        lengths.append(length)
         centre += [(low + high) / 2 if bounded else 0.0] * count
         half += [(high - low) / 2 if bounded else float("inf")] * count
-    return SignalScale(tuple(names), tuple(lengths), tuple(centre), tuple(half))
+    return SignalScale(names, tuple(lengths), tuple(centre), tuple(half))

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from gymnasium import spaces
 
-from hprs.envs.driving.single import draw_key
+from hprs.envs.simulated import SimulatedEnv
 
 ID = "tests.training.ppo.point:Point-v0"
 TASK = """
@@ -44,26 +44,12 @@ class Point:
         return (x, v), jnp.stack([x, v]), {"x": x}, -jnp.abs(x - 1), no, no
 
 
-class PointEnv(gym.Env):
-    """The same, one step at a time."""
-
-    observation_space = spaces.Box(-np.inf, np.inf, (2,), np.float32)
-    action_space = spaces.Box(-1.0, 1.0, (1,), np.float32)
-
-    def __init__(self):
-        self.simulation = Point(jnp.asarray(1.0))
-
-    def reset(self, *, seed=None, options=None):
-        super().reset(seed=seed)
-        key = jax.random.wrap_key_data(draw_key(self.np_random))
-        self._state, seen, signals = self.simulation.reset(key)
-        return np.asarray(seen), {"signals": {"x": float(signals["x"])}}
-
-    def step(self, action):
-        action = jnp.asarray(action)
-        self._state, seen, signals, reward, ended, cut = self.simulation.step(self._state, action)
-        info = {"signals": {"x": float(signals["x"])}}
-        return np.asarray(seen), float(reward), bool(ended), bool(cut), info
+def make_point():
+    return SimulatedEnv(
+        Point(jnp.asarray(1.0)),
+        spaces.Box(-np.inf, np.inf, (2,), np.float32),
+        spaces.Box(-1.0, 1.0, (1,), np.float32),
+    )
 
 
-gym.register("Point-v0", PointEnv, max_episode_steps=40)
+gym.register("Point-v0", make_point, max_episode_steps=40)

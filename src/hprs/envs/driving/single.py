@@ -17,6 +17,7 @@ from hprs.carsim.race import CONTROL_STEP
 from hprs.envs.driving.layout import episode_layout
 from hprs.envs.driving.rendering import RENDER_MODES, make_drawing
 from hprs.envs.driving.simulation import Episode, Signals, Simulation
+from hprs.envs.simulated import draw_key
 from hprs.errors import UsageError
 
 METADATA: dict[str, Any] = {"render_modes": [], "render_fps": round(1 / CONTROL_STEP)}
@@ -107,11 +108,6 @@ def observation_space(simulation: Simulation) -> spaces.Box:
 def action_space() -> spaces.Box:
     """Of one environment: change of speed, and steering to the left."""
     return spaces.Box(-1.0, 1.0, (2,), np.float32)
-
-
-def draw_key(generator: np.random.Generator) -> np.ndarray:
-    """Data of a JAX key, (2,) uint32."""
-    return generator.integers(0, 2**32, 2, np.uint32)
 
 
 @as_one_kernel

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from hprs.envs.driving.options import Options, refuse_horizon, simulate
 from hprs.envs.driving.simulation import Episode, Signals, Simulation
-from hprs.envs.driving.single import METADATA, action_space, draw_key, observation_space
+from hprs.envs.driving.single import METADATA, action_space, observation_space
 from hprs.envs.options import count
+from hprs.envs.simulated import draw_key
 from hprs.errors import UsageError
 
 Mask = NDArray[np.bool_]

@@ -8,9 +8,6 @@ from typing import Any, NamedTuple, Protocol
 import gymnasium as gym
 import numpy as np
 
-from hprs.semantics.plan import plan_of
-from hprs.spec.task import Task
-
 
 class Seen(NamedTuple):
     """What policy and critic see of N environments."""
@@ -18,7 +15,8 @@ class Seen(NamedTuple):
     observation: np.ndarray
     """The environments', flattened, (N, n) float32."""
     signals: np.ndarray
-    """The signals that the task uses, raw, in its order, vectors side by side, (N, S) float32."""
+    """The signals that the task uses, raw, in the order of its plan, vectors side by side, (N, S)
+    float32."""
 
 
 class Transition(NamedTuple):
@@ -82,9 +80,3 @@ class HostEnvironments(Protocol):
     def close(self) -> None:
         """Close all environments."""
         ...
-
-
-def signal_names(task: Task) -> tuple[str, ...]:
-    """The signals that a task uses, in the order in which it declares them."""
-    used = plan_of(task).signals
-    return tuple(signal.name for signal in task.signals if signal.name in used)

@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from hprs.semantics.plan import plan_of
 from hprs.spec.task import Task
 from hprs.training.episode_log import EpisodeState
 from hprs.training.host.episodes import EpisodeLogs
-from hprs.training.host.interface import Seen, Transition, signal_names
+from hprs.training.host.interface import Seen, Transition
 from hprs.training.random_states import training_seed
 from hprs.wrappers.single import TaskWrapper
 
@@ -140,7 +141,7 @@ class SingleEnvironments:
 
 def _picker(task: Task) -> Pick:
     """Picks a task's signals out of their dictionary as numbers side by side."""
-    names = signal_names(task)
+    names = plan_of(task).signals
     vectors = {signal.name for signal in task.signals if signal.length is not None}
     if len(names) > 1 and vectors.isdisjoint(names):
         return itemgetter(*names)

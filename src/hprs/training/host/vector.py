@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 
-from hprs.training.host.interface import Seen, Transition, signal_names
+from hprs.semantics.plan import plan_of
+from hprs.training.host.interface import Seen, Transition
 from hprs.training.random_states import training_seed
 from hprs.wrappers.vector import TaskVectorWrapper
 
@@ -30,7 +31,7 @@ class VectorEnvironments:
         self._mode = AutoresetMode(
             environments.metadata.get("autoreset_mode", AutoresetMode.NEXT_STEP)
         )
-        self._names = signal_names(environments.task)
+        self._names = plan_of(environments.task).signals
         self._seed, self._steps = 0, 0
         self._ended = np.zeros(self.number, bool)
         self._seen: Seen | None = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any
 
@@ -28,7 +29,7 @@ CHECKS = 16
 """Observations that a bundle can check itself with."""
 
 
-class LearnerSession:
+class LearnerSession(ABC):
     """The shape of what learns, and what becomes of it.
 
     Args:
@@ -58,16 +59,9 @@ class LearnerSession:
         ours = benchmark_of(configuration.environment) is not None
         self._rate: float | None = environment.metadata.get("render_fps") if ours else None
 
+    @abstractmethod
     def learned(self, member: int) -> Member:
         """What a member has learned so far."""
-        raise NotImplementedError
-
-    def is_finite(self, member: int) -> bool:
-        """Whether its networks and statistics hold numbers."""
-        learned = self.learned(member)
-        told = (learned.parameters, learned.observations, learned.returns)
-        leaves = jax.tree.leaves(jax.device_get(told))
-        return all(bool(np.isfinite(leaf).all()) for leaf in leaves)
 
     def bundle(self, member: int, provenance: Mapping[str, object]) -> Bundle:
         """A member's policy as it is now, with checks that its network has answered."""
@@ -91,8 +85,11 @@ class LearnerSession:
             check_actions=np.asarray(given),
         )
 
-    def close(self) -> None:
-        """Nothing to close."""
+
+def holds_numbers(learned: Member) -> Array:
+    """Whether networks and statistics are finite, () bool, under `jit`."""
+    watched = (learned.parameters, learned.observations, learned.returns)
+    return jnp.stack([jnp.isfinite(leaf).all() for leaf in jax.tree.leaves(watched)]).all()
 
 
 def told(scalars: Mapping[str, Array]) -> dict[str, float]:

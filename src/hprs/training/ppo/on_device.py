@@ -13,13 +13,12 @@ import numpy as np
 from gymnasium.utils.seeding import np_random
 from jax import Array
 
-from hprs.envs.driving.single import draw_key
+from hprs.envs.simulated import Simulation, draw_key
 from hprs.semantics.assessment import assess
 from hprs.training.configuration import Configuration
 from hprs.training.device import (
     DeviceEnvironment,
     Running,
-    Simulation,
     Stock,
     Traces,
     renewed,
@@ -28,7 +27,7 @@ from hprs.training.device import (
 )
 from hprs.training.evaluation import Episode
 from hprs.training.ppo.learner import Member, Rollout, Shape
-from hprs.training.ppo.learner_session import STATE, LearnerSession, horizon_of, told
+from hprs.training.ppo.learner_session import STATE, LearnerSession, holds_numbers, horizon_of, told
 from hprs.training.ppo.losses import Weights
 from hprs.training.signal_scale import signal_scale
 from hprs.training.trees import pack_tree, unpack_tree
@@ -167,6 +166,9 @@ class DeviceSession(LearnerSession):
         ]
         self._states: State = jax.tree.map(lambda *leaves: jnp.stack(leaves), *begun)
         self._scalars: list[dict[str, float]] = [{} for _ in configurations]
+        self._pick = jax.jit(_one)
+        self._check = jax.jit(jax.vmap(holds_numbers))
+        self._checked: tuple[int, np.ndarray] | None = None
         self._trace = jax.jit(_of_members(self._traced, (None, 0, None)))
         # Beside the first evaluation, which comes first and is compiled too.
         beside = ThreadPoolExecutor(1, "compilation")
@@ -181,7 +183,13 @@ class DeviceSession(LearnerSession):
 
     def learned(self, member: int) -> Member:
         """What a member has learned so far."""
-        return _one(self._states.member, member)
+        return self._pick(self._states.member, member)
+
+    def is_finite(self, member: int) -> bool:
+        """Whether its networks and statistics hold numbers; found out once a step for all."""
+        if self._checked is None or self._checked[0] != self.step:
+            self._checked = self.step, np.asarray(self._check(self._states.member))
+        return bool(self._checked[1][member])
 
     def scalars(self, member: int) -> Mapping[str, float]:
         """What is told of a member's newest update."""
@@ -191,11 +199,12 @@ class DeviceSession(LearnerSession):
         """Go on from a capture: with running episodes and random numbers as they were."""
         found = unpack_tree(contents[STATE], _one(self._states, member))
         self._states = jax.tree.map(lambda all_, one: all_.at[member].set(one), self._states, found)
+        self._checked = None
         return []
 
     def capture(self, member: int) -> dict[str, bytes]:
         """The whole state of a member."""
-        return {STATE: pack_tree(_one(jax.device_get(self._states), member))}
+        return {STATE: pack_tree(self._pick(self._states, member))}
 
     def advance(self, until: int) -> None:
         """As many updates as it takes, but no more than a call should take."""
@@ -218,6 +227,9 @@ class DeviceSession(LearnerSession):
             self._episodes(_one(found, member), seeds) if self.is_finite(member) else []
             for member in range(self._number)
         ]
+
+    def close(self) -> None:
+        """Nothing to close."""
 
     def _episodes(self, found: Traces, seeds: Sequence[int]) -> list[Episode]:
         episodes: list[Episode] = []
@@ -262,6 +274,6 @@ def _of_members(function: Callable[..., Any], axes: tuple[int | None, ...]) -> C
     return of_all
 
 
-def _one(tree: Tree, index: int) -> Tree:
+def _one(tree: Tree, index: Any) -> Tree:
     """What belongs to one member."""
     return jax.tree.map(lambda leaf: leaf[index], tree)

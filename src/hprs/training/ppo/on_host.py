@@ -17,7 +17,7 @@ from hprs.training.environment import make_configured
 from hprs.training.evaluation import SIDE_BY_SIDE, Episode, evaluate
 from hprs.training.host import HostEnvironments, Transition, make_host
 from hprs.training.ppo.learner import Member, Rollout, Shape
-from hprs.training.ppo.learner_session import STATE, LearnerSession, told
+from hprs.training.ppo.learner_session import STATE, LearnerSession, holds_numbers, told
 from hprs.training.ppo.settings import Settings
 from hprs.training.signal_scale import SignalScale, signal_scale
 from hprs.training.trees import pack_tree, unpack_tree
@@ -91,6 +91,7 @@ class HostSession(LearnerSession):
         self._draw_noise = jax.jit(self._drawn_noise, static_argnums=(1, 2))
         self._best = jax.jit(self.shape.best)
         self._update = jax.jit(self._updated, donate_argnums=0)
+        self._check = jax.jit(holds_numbers)
         self._step = 0
         seen = environments.reset(configuration.seed)
         action, _, _ = self._act(self.member, seen.observation, self._noise()[0])
@@ -104,6 +105,10 @@ class HostSession(LearnerSession):
     def learned(self, member: int) -> Member:
         """What has been learned so far."""
         return self.member
+
+    def is_finite(self, member: int) -> bool:
+        """Whether its networks and statistics hold numbers."""
+        return bool(self._check(self.member))
 
     def scalars(self, member: int) -> Mapping[str, float]:
         """What is told of the newest update."""

@@ -87,15 +87,19 @@ def open_session(configurations: Sequence[Configuration]) -> Session:
 
     keep_compiled_programs()
     first = configurations[0]
+    # Only looked at: what is stepped is made by the sessions.
     environment = make_configured(first)
-    simulation = simulation_of(environment, horizon_of(environment))
-    if simulation is not None:
-        return DeviceSession(configurations, environment, simulation)
-    if len(configurations) > 1:
-        raise UsageError(
-            f"{first.environment} is stepped by Python: its trainings need a process each."
-        )
-    return open_host(first, environment)
+    try:
+        simulation = simulation_of(environment, horizon_of(environment))
+        if simulation is not None:
+            return DeviceSession(configurations, environment, simulation)
+        if len(configurations) > 1:
+            raise UsageError(
+                f"{first.environment} is stepped by Python: its trainings need a process each."
+            )
+        return open_host(first, environment)
+    finally:
+        environment.close()
 
 
 def _is_on_device(configuration: Configuration) -> bool:
@@ -132,7 +136,7 @@ def simulation_of(environment: TaskWrapper, horizon: int) -> Any:
     import jax
     import jax.numpy as jnp
 
-    from hprs.training.device import Simulation
+    from hprs.envs.simulated import Simulation
 
     bare: gym.Env[Any, Any] = environment.env
     while isinstance(bare, gym.Wrapper):

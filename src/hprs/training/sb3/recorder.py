@@ -14,17 +14,14 @@ from hprs.training.checkpoint import Checkpoint, Progress
 from hprs.training.environment import make_configured
 from hprs.training.evaluation import Episode, evaluate, training_seeds
 from hprs.training.evaluation_table import format_rows
-from hprs.training.interruption import Interruption
+from hprs.training.events import assessment_scalars
+from hprs.training.interruption import Interruption, Stopped
 from hprs.training.listener import Listener
 from hprs.training.replay import prune, write_segments
 from hprs.training.run_directory import RunDirectory
 from hprs.training.sb3.model import refuse_divergence
 from hprs.training.sb3.policy import Learner, save_policies
 from hprs.training.sb3.state import Restoration, capture, replay_buffer, replay_rows
-
-
-class Stopped(Exception):  # noqa: N818
-    """Leaves an evaluation, or Stable-Baselines3's loop between two rollouts."""
 
 
 class Recorder(BaseCallback):
@@ -107,13 +104,6 @@ class Recorder(BaseCallback):
 
 def _log(model: BaseAlgorithm, step: int, episodes: Sequence[Episode]) -> None:
     summary = summarise([episode.assessment for episode in episodes])
-    scalars = {
-        "assessment/PAM": summary.pam,
-        "assessment/S": summary.safe,
-        "assessment/S+T": summary.safe_target,
-        "assessment/S+T+C": summary.safe_target_comfort,
-        **{f"requirement/{label}": value for label, value in summary.requirements.items()},
-    }
-    for name, value in scalars.items():
+    for name, value in assessment_scalars(summary).items():
         model.logger.record(name, value)
     model.logger.dump(step)

@@ -1,0 +1,290 @@
+"""Learning curves of our PPO beside those of Stable-Baselines3's, with the same hyper-parameters.
+
+    .venv/bin/python benchmarks/ppo_against_sb3.py                 # trains what is missing
+    .venv/bin/python benchmarks/ppo_against_sb3.py --tables-only
+
+CartPole-v1 and Pendulum-v1 under their own rewards, seeds 0 to 9 of each trainer. Compared are the
+return of the last evaluation and the area under the curve of all evaluations, by interquartile
+means over seeds: the 95 % bootstrap interval of their difference, for which the seeds of both are
+drawn again, shall lie within 10 % of the range from a random policy to the best return. Writes
+results/ppo/against_sb3.csv and docs/pictures/ppo_against_sb3.png.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import _pendulum  # noqa: F401
+import numpy as np
+import tyro
+from _common import interquartile_mean
+
+ROOT = Path(__file__).parent.parent
+TABLE = ROOT / "results" / "ppo" / "against_sb3.csv"
+PICTURE = ROOT / "docs" / "pictures" / "ppo_against_sb3.png"
+ANYTHING = "signal first = obs[0] in [-10, 10]\nencourage anything: first <= 10\n"
+"""A task that ends no episode; the reward `env` does not look at it."""
+EVALUATIONS, EPISODES = 25, 20
+MARGIN = 0.1
+"""Of the range from random to best."""
+BOTH: Mapping[str, Any] = {
+    "batch_size": 256,
+    "n_epochs": 10,
+    "ent_coef": 0.0,
+    "scale_reward": True,
+    "net_arch": [64, 64],
+}
+TRAINERS: Mapping[str, Mapping[str, Any]] = {
+    # What Stable-Baselines3 does not do here.
+    "jax": {"normalize_observations": False, "critic_signals": False},
+    "sb3": {},
+}
+COLOURS = {"jax": ("#0072b2", "hprs, JAX"), "sb3": ("#d55e00", "Stable-Baselines3")}
+"""Of Okabe and Ito's palette."""
+
+Curves: TypeAlias = dict[str, dict[int, tuple[np.ndarray, np.ndarray]]]
+"""Trainer to seed to the steps of evaluations and their mean returns."""
+
+
+@dataclass(frozen=True)
+class Contest:
+    """What is learned, and with what."""
+
+    environment: str
+    steps: int
+    best: float
+    """Return that cannot be, or hardly ever is, surpassed."""
+    settings: Mapping[str, Any]
+
+
+CONTESTS: Mapping[str, Contest] = {
+    "CartPole-v1": Contest(
+        "CartPole-v1",
+        steps=100_000,
+        best=500.0,
+        settings={
+            "environments": 8,
+            "n_steps": 128,
+            "learning_rate": 1e-3,
+            "gamma": 0.98,
+            "gae_lambda": 0.9,
+        },
+    ),
+    # Ours scales actions to [-1, 1], theirs does not: with the same deviation it would explore
+    # twice as far.
+    "Pendulum-v1": Contest(
+        "_pendulum:ScaledPendulum-v1",
+        steps=200_000,
+        best=-150.0,
+        settings={
+            "environments": 16,
+            "n_steps": 64,
+            "learning_rate": "linear_0.001",
+            "gamma": 0.9,
+            "gae_lambda": 0.95,
+        },
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Against:
+    """Train, compare, draw."""
+
+    seeds: int = 10
+    """Of each trainer, from 0 on."""
+    workers: int = 2
+    """Processes side by side."""
+    out: Path = Path("runs/against_sb3")
+    """Where run directories are made."""
+    tables_only: bool = False
+    """Train nothing: compare what results/ppo/against_sb3.csv holds."""
+
+
+def train(arguments: Against) -> None:
+    """Train what is missing, and write the table of all evaluations."""
+    from rich.console import Console
+
+    from hprs.cli.population_progress import PopulationProgress
+    from hprs.training.population import train_population
+    from hprs.training.run_directory import RunDirectory, create_runs, folder_of
+
+    rows: list[tuple[str, str, int, int, str]] = []
+    for name, contest in CONTESTS.items():
+        for trainer in TRAINERS:
+            configurations = [
+                configuration_of(contest, trainer, seed) for seed in range(arguments.seeds)
+            ]
+            paths = [folder_of(one, arguments.out) / f"seed-{one.seed}" for one in configurations]
+            new = [
+                one for one, path in zip(configurations, paths, strict=True) if not path.exists()
+            ]
+            if new:
+                create_runs(new, arguments.out)
+            runs = [RunDirectory(path) for path in paths]
+            with PopulationProgress(Console(), runs, arguments.workers) as progress:
+                outcomes = train_population(runs, progress, workers=arguments.workers)
+            if any(outcome.state != "complete" for outcome in outcomes):
+                raise SystemExit("stopped; the same command goes on")
+            for run in runs:
+                for step, mean in evaluations(run.path / "evaluations.csv"):
+                    seed = run.configuration.seed
+                    rows.append((name, trainer, seed, step, f"{mean:.2f}"))
+    TABLE.parent.mkdir(parents=True, exist_ok=True)
+    with TABLE.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(("environment", "trainer", "seed", "step", "return"))
+        writer.writerows(rows)
+
+
+def configuration_of(contest: Contest, trainer: str, seed: int) -> Any:
+    """One training."""
+    from hprs.training.configure import configure
+
+    with tempfile.TemporaryDirectory() as folder:
+        task = Path(folder, "anything.hprs")
+        task.write_text(ANYTHING, encoding="utf-8")
+        return configure(
+            contest.environment,
+            task_path=str(task),
+            reward="env",
+            algorithm="ppo",
+            trainer=trainer,
+            settings={**BOTH, **contest.settings, **TRAINERS[trainer]},
+            steps=contest.steps,
+            evaluation_interval=contest.steps // EVALUATIONS,
+            evaluation_episodes=EPISODES,
+            seed=seed,
+        )
+
+
+def evaluations(path: Path) -> list[tuple[int, float]]:
+    """Steps and mean returns of the evaluations of a run."""
+    found: dict[int, list[float]] = {}
+    with path.open(encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            found.setdefault(int(row["step"]), []).append(float(row["return"]))
+    return [(step, float(np.mean(totals))) for step, totals in found.items()]
+
+
+def read(name: str) -> Curves:
+    """The curves of an environment, from the table."""
+    points: dict[str, dict[int, list[tuple[int, float]]]] = {trainer: {} for trainer in TRAINERS}
+    with TABLE.open(encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            if row["environment"] == name:
+                curve = points[row["trainer"]].setdefault(int(row["seed"]), [])
+                curve.append((int(row["step"]), float(row["return"])))
+    return {
+        trainer: {
+            seed: tuple(np.array(list(zip(*curve, strict=True)))) for seed, curve in of.items()
+        }
+        for trainer, of in points.items()
+    }
+
+
+def random_return(contest: Contest) -> float:
+    """Mean return of actions drawn uniformly, over 200 episodes."""
+    import gymnasium as gym
+
+    environment = gym.make(contest.environment)
+    environment.action_space.seed(0)
+    totals: list[float] = []
+    for seed in range(200):
+        environment.reset(seed=seed)
+        total, ended = 0.0, False
+        while not ended:
+            _, reward, terminated, truncated, _ = environment.step(
+                environment.action_space.sample()
+            )
+            total, ended = total + float(reward), terminated or truncated
+        totals.append(total)
+    environment.close()
+    return float(np.mean(totals))
+
+
+def area(steps: np.ndarray, returns: np.ndarray) -> float:
+    """Mean height of a curve between its first step and its last."""
+    return float(np.trapezoid(returns, steps) / (steps[-1] - steps[0]))
+
+
+def difference(ours: np.ndarray, theirs: np.ndarray) -> tuple[float, float, float]:
+    """Of the interquartile means, with its 95 % bootstrap interval."""
+    generator, draws = np.random.default_rng(0), 10_000
+    drawn = [
+        interquartile_mean(generator.choice(values, (draws, len(values))))
+        for values in (ours, theirs)
+    ]
+    low, high = np.quantile(drawn[0] - drawn[1], (0.025, 0.975))
+    return float(interquartile_mean(ours) - interquartile_mean(theirs)), float(low), float(high)
+
+
+def print_table() -> None:
+    """Print what docs/benchmarks.md shows."""
+    print("| | JAX | SB3 | difference, % of the range | within 10 % |\n|---|---|---|---|---|")
+    for name, contest in CONTESTS.items():
+        bottom, curves = random_return(contest), read(name)
+        span = contest.best - bottom
+        for what, measure in (
+            ("final return", lambda steps, returns: float(returns[-1])),
+            ("area under the curve", area),
+        ):
+            ours, theirs = (
+                np.array([measure(*curve) for curve in curves[trainer].values()])
+                for trainer in ("jax", "sb3")
+            )
+            middle, low, high = (100 * one / span for one in difference(ours, theirs))
+            verdict = "yes" if low >= -100 * MARGIN and high <= 100 * MARGIN else "no"
+            print(
+                f"| {name}, {bottom:.0f} to {contest.best:.0f}: {what} "
+                f"| {interquartile_mean(ours):.1f} | {interquartile_mean(theirs):.1f} "
+                f"| {middle:+.1f} [{low:+.1f}, {high:+.1f}] | {verdict} |"
+            )
+
+
+def draw() -> None:
+    """Draw both curves: means over seeds, and their 95 % bootstrap intervals."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(1, len(CONTESTS), figsize=(10, 3.6), layout="constrained")
+    for axis, name in zip(axes, CONTESTS, strict=True):
+        for trainer, curves in read(name).items():
+            steps = next(iter(curves.values()))[0]
+            heights = np.stack([np.interp(steps, *curve) for curve in curves.values()])
+            colour, label = COLOURS[trainer]
+            low, high = interval_of_mean(heights)
+            axis.fill_between(steps, low, high, color=colour, alpha=0.25, linewidth=0)
+            dashes = "-" if trainer == "jax" else "--"
+            axis.plot(steps, heights.mean(0), dashes, color=colour, label=label)
+        axis.set(title=name, xlabel="environment steps", ylabel="return of an evaluation")
+        axis.xaxis.set_major_formatter(lambda step, _: f"{step / 1000:g}k")
+        axis.grid(alpha=0.3)
+        axis.spines[["top", "right"]].set_visible(False)
+    axes[0].legend(frameon=False, loc="lower right")
+    figure.savefig(PICTURE, dpi=110)
+
+
+def interval_of_mean(heights: np.ndarray) -> Sequence[np.ndarray]:
+    """95 % bootstrap interval of the mean over the first axis."""
+    generator = np.random.default_rng(0)
+    rows = generator.integers(len(heights), size=(2_000, len(heights)))
+    return tuple(np.quantile(heights[rows].mean(1), (0.025, 0.975), axis=0))
+
+
+if __name__ == "__main__":
+    # PyTorch here, in Stable-Baselines3's workers one thread each, as `hprs train` has it.
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    chosen = tyro.cli(Against)
+    if not chosen.tables_only:
+        train(chosen)
+    print_table()
+    draw()
