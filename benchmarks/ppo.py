@@ -3,6 +3,7 @@
     .venv/bin/python benchmarks/ppo.py
     .venv/bin/python benchmarks/ppo.py --sbx PYTHON    # a Python that has sbx-rl and hprs
     .venv/bin/python benchmarks/ppo.py --parts         # only where the time goes
+    .venv/bin/python benchmarks/ppo.py --gpu           # populations in one program, on a GPU
 
 Rates are of steady learning: compilation and evaluations are left out, and shown beside it. Every
 learner has a process and a core of its own; a population of 10 is two such processes at once, as
@@ -35,6 +36,7 @@ CAR, LANDER, WALKER = "hprs/SafeDriving-v0", "hprs/LunarLanderObstacle-v0", "hpr
 SIZES: Mapping[str, Mapping[str, Any]] = {
     "car": {"environments": 64, "n_steps": 32, "batch_size": 256, "n_epochs": 4},
     "1,024 cars": {"environments": 1024, "n_steps": 32, "batch_size": 4096, "n_epochs": 4},
+    "4,096 cars": {"environments": 4096, "n_steps": 32, "batch_size": 16384, "n_epochs": 4},
     "lander": {"environments": 32, "n_steps": 512, "batch_size": 512, "n_epochs": 10},
     "lander, 16 x 1,024": {
         "environments": 16,
@@ -52,7 +54,7 @@ def environment_of(name: str) -> str:
     return CAR if "car" in name else WALKER if "walker" in name else LANDER
 
 
-def configuration_of(name: str, trainer: str) -> Any:
+def configuration_of(name: str, trainer: str, seed: int = 0) -> Any:
     """What is trained."""
     from hprs.envs import task_text_of
     from hprs.training.configuration import Configuration
@@ -66,6 +68,7 @@ def configuration_of(name: str, trainer: str) -> Any:
         trainer=trainer,
         parameters=asdict(Settings(**SIZES[name])),
         steps=10**9,
+        seed=seed,
     )
 
 
@@ -110,10 +113,11 @@ def parts(name: str) -> dict[str, float]:
 
     session: Any = open_session([configuration_of(name, "jax")])
     rollout = session.shape.settings.rollout
-    whole = 1e6 / ours(name)["rate"]
-    found = _device_parts if isinstance(session, DeviceSession) else _host_parts
-    spent = {key: 1e6 * seconds / rollout for key, seconds in found(session, jax).items()}
-    return {**spent, "all": whole}
+    if isinstance(session, DeviceSession):
+        spent = {**_device_parts(session, jax), "all": rollout / ours(name)["rate"]}
+    else:
+        spent = _host_parts(session, jax)
+    return {key: 1e6 * seconds / rollout for key, seconds in spent.items()}
 
 
 def _device_parts(session: Any, jax: Any) -> dict[str, float]:
@@ -146,8 +150,9 @@ def _device_parts(session: Any, jax: Any) -> dict[str, float]:
 
 
 def _host_parts(session: Any, jax: Any) -> dict[str, float]:
-    """Seconds of a rollout's parts, timed where they are called."""
-    spent = dict.fromkeys(("acting", "environment", "update"), 0.0)
+    """Seconds of a rollout's parts, timed where they are called, and of all of it."""
+    spent = dict.fromkeys(("environment", "acting", "update"), 0.0)
+    times = 3
 
     def timed_call(part: str, function: Callable[..., Any]) -> Callable[..., Any]:
         def call(*arguments: Any) -> Any:
@@ -163,8 +168,33 @@ def _host_parts(session: Any, jax: Any) -> dict[str, float]:
     session._update = timed_call("update", session._update)
     environments = session._environments
     environments.step = timed_call("environment", environments.step)
-    session.advance(10**9)
-    return spent
+    start = time.perf_counter()
+    for _ in range(times):
+        session.advance(10**9)
+    spent["all"] = time.perf_counter() - start
+    return {key: seconds / times for key, seconds in spent.items()}
+
+
+def populations() -> None:
+    """Print the rates of populations that are one program, 4,096 cars a member."""
+    from hprs.training.ppo.training import open_session
+
+    for members in (1, 10, 60):
+        start = time.perf_counter()
+        session = open_session(
+            [configuration_of("4,096 cars", "jax", seed=i) for i in range(members)]
+        )
+
+        def advance(session: Any = session) -> int:
+            session.advance(session.step + 1)
+            return session.step
+
+        advance()
+        first = time.perf_counter() - start
+        rate = members * timed(advance)
+        print(
+            f"{members:3d} members {rate:14,.0f} steps/s in all, begun in {first:.0f} s", flush=True
+        )
 
 
 def theirs(name: str, *, sbx: bool = False, vector: bool = False) -> dict[str, float]:
@@ -248,7 +278,7 @@ def show(label: str, rates: list[float], yardsticks: list[float], note: str = ""
 
 def measure_all(python: str | None) -> None:
     """Print the table."""
-    rows = [("ours", name) for name in SIZES]
+    rows = [("ours", name) for name in SIZES if name != "4,096 cars"]
     rows += [
         ("sb3", "lander, 16 x 1,024"),
         ("sb3", "walker"),
@@ -294,6 +324,8 @@ if __name__ == "__main__":
             print_parts()
         case ["--parts"]:
             print_parts()
+        case ["--gpu"]:
+            populations()
         case _:
             measure_all(None)
             print_parts()

@@ -10,9 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-import hprs
 from hprs.training.configure import configure
-from hprs.training.environment import make_configured
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 ID, TASK = "own_jax_environment:Drone-v0", EXAMPLES / "drone.hprs"
@@ -52,15 +50,6 @@ def test_it_is_trained_as_jax_functions(drone):
     assert isinstance(session, DeviceSession)
     session.advance(1)
     assert session.step == 256
-
-
-def test_its_episodes_are_those_that_are_evaluated(drone):
-    configuration = configure(ID, task_path=str(TASK))
-    env = make_configured(configuration)
-    env.reset(seed=5)
-    assert isinstance(env.unwrapped, hprs.envs.simulated.SimulatedEnv)
-    *_, info = env.step(np.zeros(2, np.float32))
-    assert info["assessment"].safe
 
 
 def test_the_script_flies_an_episode():
