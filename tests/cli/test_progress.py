@@ -95,6 +95,19 @@ def test_a_terminal_gets_a_bar_a_member_and_one_for_all(tmp_path):
     assert "1,600/3,000 steps" in text
 
 
+def test_a_run_that_was_interrupted_is_not_counted(tmp_path):
+    text = io.StringIO()
+    console = Console(file=text, force_terminal=True, width=140)
+    runs = create_runs([replace(CONFIGURATION, seed=seed) for seed in range(2)], tmp_path)
+    with PopulationProgress(console, runs, workers=2) as progress:
+        for run in runs:
+            progress.member(run)
+        progress.settled(Outcome(runs[0], "complete"))
+        progress.settled(Outcome(runs[1], "interrupted"))
+    assert "1 of 2 runs" in text.getvalue()
+    assert "2 of 2 runs" not in text.getvalue()
+
+
 def test_a_label_says_what_tells_a_member_from_the_others():
     seeds = [replace(CONFIGURATION, seed=seed) for seed in (0, 1)]
     assert labels(seeds) == ["seed 0", "seed 1"]

@@ -84,8 +84,8 @@ class PopulationProgress:
         return self._members[run]
 
     def settled(self, outcome: Outcome) -> None:
-        """Count it, and say what is wrong with it."""
-        self._settled += 1
+        """Count it if it is over, and say what is wrong with it."""
+        self._settled += outcome.state != "interrupted"
         if (member := self._members.get(outcome.run)) is not None:
             member.settled(outcome)
         if outcome.state == "failed":
