@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import faulthandler
 import multiprocessing
 import os
 import signal
@@ -32,6 +33,8 @@ def work(pipe: Connection, core: int | None, find_trainer: FindTrainer) -> None:
         core: The core to compute on; None: any.
         find_trainer: Finds what trains a configuration.
     """
+    # Where compiled code dies, say where.
+    faulthandler.enable()
     _detach()
     if core is not None:
         os.sched_setaffinity(0, {core})
