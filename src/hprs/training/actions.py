@@ -98,6 +98,44 @@ class BoxActions(Actions):
         return scaled.reshape(*actions.shape[:-1], *self.shape)
 
 
+LOG_STD_RANGE = (-20.0, 2.0)
+"""Of the deviations that a squashed policy may choose, as in Stable-Baselines3."""
+_SQUASH = 1e-6
+
+
+@dataclass(frozen=True)
+class SquashedActions:
+    """Hyperbolic tangents of independent normal numbers, mapped to finite bounds.
+
+    A network gives means and logarithms of deviations, side by side.
+    """
+
+    outputs: int
+    """Components of an action: half of the network's outputs."""
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    shape: tuple[int, ...]
+    """Of the environment's actions."""
+
+    def draw(self, outputs: Array, noise: Array) -> tuple[Array, Array]:
+        """Actions in [-1, 1], (..., m), and the logarithms of their densities, (...)."""
+        mean, log_std = jnp.split(outputs, 2, -1)
+        log_std = jnp.clip(log_std, *LOG_STD_RANGE)
+        action = jnp.tanh(mean + jnp.exp(log_std) * noise)
+        log_prob = -0.5 * noise**2 - log_std - _NORMAL - jnp.log(1 - action**2 + _SQUASH)
+        return action, jnp.sum(log_prob, -1)
+
+    def mode(self, outputs: Array) -> Array:
+        """The actions of no noise."""
+        return jnp.tanh(jnp.split(outputs, 2, -1)[0])
+
+    def for_environment(self, actions: Array) -> Array:
+        """Scaled to the bounds, in the environment's shape."""
+        low, high = np.asarray(self.low, np.float32), np.asarray(self.high, np.float32)
+        scaled = (low + high) / 2 + (high - low) / 2 * actions
+        return scaled.reshape(*actions.shape[:-1], *self.shape)
+
+
 @dataclass(frozen=True)
 class DiscreteActions(Actions):
     """One of several choices; the outputs are logits."""
@@ -146,3 +184,17 @@ def actions_of(space: gym.Space[Any]) -> BoxActions | DiscreteActions:
         f"the JAX trainer cannot handle actions of a {type(space).__name__} space; "
         "use --trainer sb3."
     )
+
+
+def squashed_actions_of(space: gym.Space[Any]) -> SquashedActions:
+    """The distribution for an environment's actions, squashed.
+
+    Raises:
+        UsageError: They are not numbers between finite bounds.
+    """
+    if not isinstance(space, spaces.Box) or not (
+        np.isfinite(space.low).all() and np.isfinite(space.high).all()
+    ):
+        raise UsageError(f"SAC needs actions between finite bounds, not {space}.")
+    low, high = space.low.ravel().tolist(), space.high.ravel().tolist()
+    return SquashedActions(len(low), tuple(low), tuple(high), space.shape)

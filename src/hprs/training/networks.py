@@ -46,6 +46,22 @@ def make_network(generator: np.random.Generator, sizes: Sequence[int], last_gain
     ]
 
 
+def make_uniform_network(generator: np.random.Generator, sizes: Sequence[int]) -> Network:
+    """A network whose weights and biases are uniform within 1 / sqrt(inputs), as PyTorch makes them.
+
+    Args:
+        generator: Of the weights.
+        sizes: Of inputs, hidden layers and outputs.
+    """
+    layers: Network = []
+    for inputs, outputs in pairwise(sizes):
+        bound = 1 / math.sqrt(inputs)
+        weights = generator.uniform(-bound, bound, (inputs, outputs))
+        bias = generator.uniform(-bound, bound, outputs)
+        layers.append(Layer(jnp.asarray(weights, jnp.float32), jnp.asarray(bias, jnp.float32)))
+    return layers
+
+
 def _orthogonal(generator: np.random.Generator, rows: int, columns: int, gain: float) -> np.ndarray:
     """A matrix whose rows or columns, whichever are fewer, are orthogonal (Saxe et al., 2014)."""
     normal = generator.standard_normal((max(rows, columns), min(rows, columns)))
