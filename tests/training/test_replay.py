@@ -7,6 +7,7 @@ from stable_baselines3.common.buffers import DictReplayBuffer, ReplayBuffer
 from hprs.errors import RunError
 from hprs.training import replay
 from hprs.training.replay import load_segments, prune, write_segments
+from hprs.training.sb3.ring import ReplayRing
 
 BOX = spaces.Box(-1, 1, (3,), np.float32)
 DICT = spaces.Dict({"near": BOX, "far": spaces.Box(0, 255, (2, 2), np.uint8)})
@@ -57,8 +58,7 @@ def assert_sampled_alike(one, two):
 @pytest.fixture(autouse=True)
 def small_segments(monkeypatch):
     """Ten rows of the small buffer a segment."""
-    row = sum(array[0].nbytes for array in replay._arrays(make()).values())
-    monkeypatch.setattr(replay, "SEGMENT_BYTES", 10 * row)
+    monkeypatch.setattr(replay, "SEGMENT_BYTES", 10 * ReplayRing(make(), 0).row_bytes)
 
 
 @pytest.mark.parametrize("space", [BOX, DICT], ids=["box", "dict"])
@@ -68,10 +68,10 @@ def test_a_loaded_buffer_is_sampled_as_the_old_one(tmp_path, space, counts):
     for count in counts:
         add(buffer, space, count, start=total)
         total += count
-        segments = write_segments(tmp_path, buffer, total, segments)
+        segments = write_segments(tmp_path, ReplayRing(buffer, total), segments)
         prune(tmp_path, segments)
         loaded = make(space)
-        load_segments(tmp_path, loaded, total, segments)
+        load_segments(tmp_path, ReplayRing(loaded, total), segments)
         if total:
             assert_sampled_alike(buffer, loaded)
 
@@ -79,22 +79,22 @@ def test_a_loaded_buffer_is_sampled_as_the_old_one(tmp_path, space, counts):
 def test_a_checkpoint_writes_what_is_new_and_what_did_not_fill_a_segment(tmp_path):
     buffer = make()
     add(buffer, BOX, 25)
-    first = write_segments(tmp_path, buffer, 25, ())
+    first = write_segments(tmp_path, ReplayRing(buffer, 25), ())
     assert [(s.start, s.stop) for s in first] == [(0, 10), (10, 20), (20, 25)]
     add(buffer, BOX, 8, start=25)
-    second = write_segments(tmp_path, buffer, 33, first)
+    second = write_segments(tmp_path, ReplayRing(buffer, 33), first)
     assert [(s.start, s.stop) for s in second] == [(0, 10), (10, 20), (20, 30), (30, 33)]
     assert second[:2] == first[:2]
-    assert write_segments(tmp_path, buffer, 33, second) == second
+    assert write_segments(tmp_path, ReplayRing(buffer, 33), second) == second
 
 
 def test_segments_that_the_buffer_has_forgotten_go_after_the_checkpoint(tmp_path):
     buffer = make()
     add(buffer, BOX, 40)
-    first = write_segments(tmp_path, buffer, 40, ())
+    first = write_segments(tmp_path, ReplayRing(buffer, 40), ())
     add(buffer, BOX, 15, start=40)
     (tmp_path / "rows-40-99.npz").write_text("left by a killed process")
-    second = write_segments(tmp_path, buffer, 55, first)
+    second = write_segments(tmp_path, ReplayRing(buffer, 55), first)
     assert {s.name for s in first} <= {file.name for file in tmp_path.iterdir()}
     prune(tmp_path, second)
     assert {file.name for file in tmp_path.iterdir()} == {s.name for s in second}
@@ -104,23 +104,23 @@ def test_segments_that_the_buffer_has_forgotten_go_after_the_checkpoint(tmp_path
 def test_a_checkpoint_that_comes_late_writes_the_whole_buffer(tmp_path):
     buffer = make()
     add(buffer, BOX, 5)
-    first = write_segments(tmp_path, buffer, 5, ())
+    first = write_segments(tmp_path, ReplayRing(buffer, 5), ())
     add(buffer, BOX, 100, start=5)
-    second = write_segments(tmp_path, buffer, 105, first)
+    second = write_segments(tmp_path, ReplayRing(buffer, 105), first)
     assert (second[0].start, second[-1].stop) == (65, 105)
 
 
 def test_a_damaged_segment_is_said(tmp_path):
     buffer = make()
     add(buffer, BOX, 5)
-    [segment] = write_segments(tmp_path, buffer, 5, ())
+    [segment] = write_segments(tmp_path, ReplayRing(buffer, 5), ())
     file = tmp_path / segment.name
     file.write_bytes(file.read_bytes()[:-1])
     with pytest.raises(RunError, match=r"rows-0-5.npz is damaged"):
-        load_segments(tmp_path, make(), 5, [segment])
+        load_segments(tmp_path, ReplayRing(make(), 5), [segment])
     file.unlink()
     with pytest.raises(RunError, match=r"rows-0-5.npz cannot be read: No such file"):
-        load_segments(tmp_path, make(), 5, [segment])
+        load_segments(tmp_path, ReplayRing(make(), 5), [segment])
 
 
 class Split(gym.ObservationWrapper):

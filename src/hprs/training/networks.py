@@ -47,7 +47,7 @@ def make_network(generator: np.random.Generator, sizes: Sequence[int], last_gain
 
 
 def make_uniform_network(generator: np.random.Generator, sizes: Sequence[int]) -> Network:
-    """A network whose weights and biases are uniform within 1 / sqrt(inputs), as PyTorch makes them.
+    """A network whose weights and biases are uniform within 1 / sqrt(inputs), as in PyTorch.
 
     Args:
         generator: Of the weights.

@@ -7,10 +7,10 @@ so that a loaded buffer is sampled as the old one would have been.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Protocol
 
 import numpy as np
 
@@ -35,50 +35,70 @@ class Segment:
     """Checksum of the file."""
 
 
-def write_segments(
-    folder: Path, buffer: Any, rows: int, known: Sequence[Segment]
-) -> tuple[Segment, ...]:
+class Ring(Protocol):
+    """A replay buffer, whoever's it is."""
+
+    @property
+    def capacity(self) -> int:
+        """Rows that it holds at most."""
+        ...
+
+    @property
+    def rows(self) -> int:
+        """Rows that it was given since the training began."""
+        ...
+
+    @property
+    def row_bytes(self) -> int:
+        """Memory of a row."""
+        ...
+
+    def read(self, places: np.ndarray) -> dict[str, np.ndarray]:
+        """Some rows, by their places: name to (P, ...)."""
+        ...
+
+    def write(self, places: np.ndarray, rows: Mapping[str, np.ndarray]) -> None:
+        """Put rows that `read` returned at their places."""
+        ...
+
+
+def write_segments(folder: Path, ring: Ring, known: Sequence[Segment]) -> tuple[Segment, ...]:
     """Write the rows that no full segment holds yet.
 
     Args:
         folder: Where the segments lie.
-        buffer: A replay buffer of Stable-Baselines3.
-        rows: How many rows it was given since the training began.
+        ring: The replay buffer.
         known: The segments of the last checkpoint.
 
     Returns:
         The segments that hold the buffer now.
     """
     folder.mkdir(exist_ok=True)
-    arrays = _arrays(buffer)
-    length = _segment_rows(arrays)
-    first = max(0, rows - buffer.buffer_size)
+    length, rows = max(1, SEGMENT_BYTES // ring.row_bytes), ring.rows
+    first = max(0, rows - ring.capacity)
     kept = [segment for segment in known if segment.stop > first]
     if kept and kept[-1].stop < rows and kept[-1].stop % length:
         kept.pop()
     start = max(first, kept[-1].stop) if kept else first
     while start < rows:
         stop = min(rows, (start // length + 1) * length)
-        kept.append(_write_segment(folder, arrays, start, stop, buffer.buffer_size))
+        kept.append(_write_segment(folder, ring, start, stop))
         start = stop
     return tuple(kept)
 
 
-def load_segments(folder: Path, buffer: Any, rows: int, segments: Sequence[Segment]) -> None:
-    """Fill a new replay buffer with what `write_segments` has written.
+def load_segments(folder: Path, ring: Ring, segments: Sequence[Segment]) -> None:
+    """Fill a replay buffer with what `write_segments` has written.
 
     Raises:
         RunError: A segment is missing or damaged.
     """
-    arrays, size = _arrays(buffer), buffer.buffer_size
-    first = max(0, rows - size)
+    first = max(0, ring.rows - ring.capacity)
     for segment in segments:
         stored = unpack(files.read_checked(folder / segment.name, segment.sha256))
         skipped = max(0, first - segment.start)
-        places = np.arange(segment.start + skipped, segment.stop) % size
-        for name, array in arrays.items():
-            array[places] = stored[name][skipped:]
-    buffer.pos, buffer.full = rows % size, rows >= size
+        places = np.arange(segment.start + skipped, segment.stop) % ring.capacity
+        ring.write(places, {name: array[skipped:] for name, array in stored.items()})
 
 
 def prune(folder: Path, segments: Sequence[Segment]) -> None:
@@ -89,28 +109,8 @@ def prune(folder: Path, segments: Sequence[Segment]) -> None:
             file.unlink()
 
 
-def _arrays(buffer: Any) -> dict[str, np.ndarray]:
-    return dict(_named_arrays(buffer))
-
-
-def _named_arrays(buffer: Any) -> Iterator[tuple[str, np.ndarray]]:
-    for name in ("observations", "next_observations", "actions", "rewards", "dones", "timeouts"):
-        value = getattr(buffer, name)
-        if isinstance(value, Mapping):
-            yield from ((f"{name}/{key}", array) for key, array in value.items())
-        else:
-            yield name, value
-
-
-def _segment_rows(arrays: Mapping[str, np.ndarray]) -> int:
-    return max(1, SEGMENT_BYTES // sum(array[0].nbytes for array in arrays.values()))
-
-
-def _write_segment(
-    folder: Path, arrays: Mapping[str, np.ndarray], start: int, stop: int, size: int
-) -> Segment:
-    places = np.arange(start, stop) % size
-    content = pack({name: array[places] for name, array in arrays.items()})
+def _write_segment(folder: Path, ring: Ring, start: int, stop: int) -> Segment:
+    content = pack(ring.read(np.arange(start, stop) % ring.capacity))
     name = f"rows-{start}-{stop}.npz"
     # A name may be taken by a segment that a killed process left, never by one that is needed.
     files.write(folder / name, content)

@@ -25,7 +25,7 @@ import json
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, get_args
@@ -38,6 +38,7 @@ from hprs.training.configuration import Configuration
 from hprs.training.lock import locked
 from hprs.training.population_file import is_population, read_population
 from hprs.training.provenance import provenance, versions
+from hprs.training.replay import Ring, prune, write_segments
 
 FORMAT = 3
 """Format 1 had no `environment_options`, and checkpoints that only approximately went on. Those of
@@ -187,17 +188,33 @@ class RunDirectory:
             f"(hprs evaluate {self.path}). To train anew, choose another folder with --out."
         )
 
-    def save(self, checkpoint: Checkpoint, *, evaluated: bool) -> None:
+    def save(
+        self, checkpoint: Checkpoint, *, evaluated: bool, ring: Ring | None = None
+    ) -> Checkpoint:
         """Commit a checkpoint, and the rows of its evaluation if that is new.
+
+        Args:
+            checkpoint: Of a replay buffer it names the segments that the last one named.
+            evaluated: Whether its evaluation is new.
+            ring: The replay buffer.
+
+        Returns:
+            The checkpoint with the segments that hold the replay buffer now.
 
         Raises:
             RunError: It cannot be written; the last checkpoint is still whole then.
         """
         with self.writing():
+            if ring is not None:
+                segments = write_segments(self.replay, ring, checkpoint.segments)
+                checkpoint = replace(checkpoint, segments=segments)
             with files.replacing(self.path / CHECKPOINT) as folder:
                 checkpoint.save(folder)
             if evaluated:
                 files.append(self.path / EVALUATIONS_FILE, checkpoint.rows.encode())
+            if ring is not None:
+                prune(self.replay, checkpoint.segments)
+        return checkpoint
 
     def evaluations(self) -> list[dict[str, float]]:
         """All complete rows of `evaluations.csv`, as numbers.

@@ -23,6 +23,7 @@ from hprs.training.events import EventWriter, assessment_scalars
 from hprs.training.interruption import Interruption, Stopped
 from hprs.training.listener import Listener, Silence
 from hprs.training.provenance import versions
+from hprs.training.replay import Ring, Segment, load_segments
 from hprs.training.run_directory import RunDirectory, Which
 
 POLICY = "policy.bundle"
@@ -51,6 +52,13 @@ class Session(Protocol):
 
     def capture(self, member: int) -> dict[str, bytes]:
         """The whole state of a member: name to content."""
+        ...
+
+    def ring(self, member: int) -> Ring | None:
+        """The replay buffer of a member, which `capture` leaves out; None where there is none.
+
+        After `restore` it has room for the rows that it had, and waits for them.
+        """
         ...
 
     def advance(self, until: int) -> None:
@@ -227,6 +235,7 @@ class _Seat:
     def __init__(self, run: RunDirectory, listener: Listener) -> None:
         self.run, self.listener = run, listener
         self.progress, self._rows = Progress(), ""
+        self._segments: tuple[Segment, ...] = ()
         self.end: bool | RunError | None = None
         """None while it trains; whether it is complete, or what is wrong."""
         self._checkpoint: Checkpoint | None = None
@@ -256,6 +265,7 @@ class _Seat:
             if self._checkpoint is None:
                 return
             self.progress, self._rows = self._checkpoint.progress, self._checkpoint.rows
+            self._segments = self._checkpoint.segments
             # What a kill between the checkpoint and its policies has left undone.
             _keep_policies(run, self._checkpoint)
             # One that was stopped before its last evaluation is not.
@@ -280,6 +290,10 @@ class _Seat:
     def _restore(self, session: Session, checkpoint: Checkpoint) -> None:
         try:
             reasons = session.restore(self.member, checkpoint.contents)
+            if (ring := session.ring(self.member)) is not None:
+                load_segments(self.run.replay, ring, checkpoint.segments)
+        except RunError as error:
+            raise self.run.cannot_go_on(error) from None
         except (KeyError, ValueError, TypeError) as error:
             raise self.run.cannot_go_on(
                 RunError(f"{self.run.path}: its checkpoint does not fit: {error}.")
@@ -341,8 +355,10 @@ class _Seat:
         }
         bundle = to_bytes(session.bundle(self.member, provenance))
         contents = {**session.capture(self.member), POLICY: bundle}
-        checkpoint = Checkpoint(self.progress, self._rows, contents)
-        self.run.save(checkpoint, evaluated=evaluated)
+        checkpoint = Checkpoint(self.progress, self._rows, contents, self._segments)
+        ring = session.ring(self.member)
+        checkpoint = self.run.save(checkpoint, evaluated=evaluated, ring=ring)
+        self._segments = checkpoint.segments
         return checkpoint
 
     def _refuse_divergence(self, session: Session) -> None:

@@ -26,12 +26,13 @@ from hprs.training.device import (
     trace,
 )
 from hprs.training.evaluation import Episode
+from hprs.training.learner_session import STATE, told
 from hprs.training.ppo.learner import Member, Rollout, Shape
-from hprs.training.ppo.learner_session import STATE, LearnerSession, holds_numbers, horizon_of, told
 from hprs.training.ppo.losses import Weights
+from hprs.training.ppo.ppo_session import PpoSession, holds_numbers
 from hprs.training.signal_scale import signal_scale
+from hprs.training.simulations import device_environment
 from hprs.training.trees import pack_tree, unpack_tree
-from hprs.wrappers.signals import make_reader, zero_action
 from hprs.wrappers.single import TaskWrapper
 
 Tree = TypeVar("Tree")
@@ -132,7 +133,7 @@ def roll_out(
     return state._replace(member=member, running=running), rollout
 
 
-class DeviceSession(LearnerSession):
+class DeviceSession(PpoSession):
     """Trainings whose environments are JAX functions, as members of one program.
 
     Args:
@@ -148,17 +149,9 @@ class DeviceSession(LearnerSession):
         simulation: Simulation,
     ) -> None:
         first = configurations[0]
-        scale = signal_scale(first.task)
-        super().__init__(first, environment, scale)
+        super().__init__(first, environment, signal_scale(first.task))
         self._number, self._simulation = len(configurations), simulation
-        self._environment = DeviceEnvironment(
-            task=first.task,
-            reward=environment.reward,
-            reader=make_reader(first.task, environment.observation_space, environment.action_space),
-            scale=scale,
-            zero_action=jnp.asarray(zero_action(environment.action_space)),
-            horizon=horizon_of(environment),
-        )
+        self._environment = device_environment(first.task, environment.reward, environment)
         weights = [self.shape.weights(one.parameters, one.steps) for one in configurations]
         self._weights: Weights = jax.tree.map(lambda *values: jnp.stack(values), *weights)
         begun = [

@@ -16,8 +16,9 @@ from hprs.training.configuration import Configuration
 from hprs.training.environment import make_configured
 from hprs.training.evaluation import SIDE_BY_SIDE, Episode, evaluate
 from hprs.training.host import HostEnvironments, Transition, make_host
+from hprs.training.learner_session import STATE, told
 from hprs.training.ppo.learner import Member, Rollout, Shape
-from hprs.training.ppo.learner_session import STATE, LearnerSession, holds_numbers, told
+from hprs.training.ppo.ppo_session import PpoSession, holds_numbers
 from hprs.training.ppo.settings import Settings
 from hprs.training.signal_scale import SignalScale, signal_scale
 from hprs.training.trees import pack_tree, unpack_tree
@@ -66,7 +67,7 @@ class Record:
         rows.reached[time], rows.reached_signals[time] = made.reached
 
 
-class HostSession(LearnerSession):
+class HostSession(PpoSession):
     """A training whose environments Python steps; it has one member.
 
     Args:

@@ -188,9 +188,7 @@ class Shape:
             action, log_prob, critics, batch, coefficient
         )
         [policy_gradient] = pull(cotangents)
-        policy, policy_state = _stepped(
-            parameters.policy, policy_gradient, optimiser.policy, rate
-        )
+        policy, policy_state = _stepped(parameters.policy, policy_gradient, optimiser.policy, rate)
         log_entropy, entropy_state = _stepped(
             parameters.log_entropy,
             entropy_gradient,
@@ -225,9 +223,7 @@ class Shape:
         ended = batch.terminated | (batch.truncated & (weights.horizon_is_terminal > 0))
         return batch.reward + weights.gamma * jnp.where(ended, 0.0, future)
 
-    def critic_loss(
-        self, critics: tuple[Network, Network], batch: Batch, target: Array
-    ) -> Array:
+    def critic_loss(self, critics: tuple[Network, Network], batch: Batch, target: Array) -> Array:
         """Half of the squared errors of both critics."""
         errors = [value - target for value in _values(critics, batch.observation, batch.action)]
         return 0.5 * sum(_mean(error**2, batch.valid) for error in errors)

@@ -13,7 +13,7 @@ from jax import Array
 from hprs.training.device import DeviceEnvironment, Running, Simulation, Step
 from hprs.training.frames import Frames
 from hprs.training.sac.buffer import Buffer, added, empty, frame_of, sampled
-from hprs.training.sac.learner import Batch, Member, Report, Shape, Weights
+from hprs.training.sac.learner import Member, Report, Shape, Weights
 
 _BEGINNING = 2**32 - 1
 """What the key of the first episodes is folded with: no number of rounds."""
@@ -151,9 +151,7 @@ def play_round(
         action = of_members(shape.act)(state.members, observation, noise)
         action = jnp.where(count * s.environments < s.learning_starts, anything, action)
         action = action.reshape(number * s.environments, -1)
-        reached, made = environment.step(
-            simulation, running, shape.actions.for_environment(action)
-        )
+        reached, made = environment.step(simulation, running, shape.actions.for_environment(action))
         buffer = added(buffer, _row(running, action, made, frames), count)
         running = _renewed(environment, simulation, reached, made, resets.reshape(-1, 2))
         return (running, buffer, count + 1), None

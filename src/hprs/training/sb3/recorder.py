@@ -17,11 +17,10 @@ from hprs.training.evaluation_table import format_rows
 from hprs.training.events import assessment_scalars
 from hprs.training.interruption import Interruption, Stopped
 from hprs.training.listener import Listener
-from hprs.training.replay import prune, write_segments
 from hprs.training.run_directory import RunDirectory
 from hprs.training.sb3.model import refuse_divergence
 from hprs.training.sb3.policy import Learner, save_policies
-from hprs.training.sb3.state import Restoration, capture, replay_buffer, replay_rows
+from hprs.training.sb3.state import Restoration, capture, replay_ring
 
 
 class Recorder(BaseCallback):
@@ -89,16 +88,9 @@ class Recorder(BaseCallback):
 
     def _save(self, *, evaluated: bool) -> Checkpoint:
         refuse_divergence(self.model)
-        buffer, folder = replay_buffer(self.model), self._run.replay
-        contents = capture(self.model)
-        with self._run.writing():
-            if buffer is not None:
-                rows = replay_rows(self.model)
-                self._segments = write_segments(folder, buffer, rows, self._segments)
-            saved = Checkpoint(self._progress, self._rows, contents, self._segments)
-            self._run.save(saved, evaluated=evaluated)
-            if buffer is not None:
-                prune(folder, self._segments)
+        saved = Checkpoint(self._progress, self._rows, capture(self.model), self._segments)
+        saved = self._run.save(saved, evaluated=evaluated, ring=replay_ring(self.model))
+        self._segments = saved.segments
         return saved
 
 

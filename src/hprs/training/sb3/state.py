@@ -24,6 +24,7 @@ from hprs.training.random_states import (
     set_global_states,
 )
 from hprs.training.sb3.model import algorithm_class
+from hprs.training.sb3.ring import ReplayRing
 from hprs.training.schedules import schedule
 
 if TYPE_CHECKING:
@@ -130,14 +131,10 @@ class Restoration:
         set_global_states(self._state["random"])
 
 
-def replay_buffer(model: BaseAlgorithm) -> Any:
+def replay_ring(model: BaseAlgorithm) -> ReplayRing | None:
     """The model's replay buffer; None for an algorithm without one."""
-    return getattr(model, "replay_buffer", None)
-
-
-def replay_rows(model: BaseAlgorithm) -> int:
-    """How many rows the replay buffer was given: one a step of all environments."""
-    return model.num_timesteps // model.n_envs
+    buffer = getattr(model, "replay_buffer", None)
+    return None if buffer is None else ReplayRing(buffer, model.num_timesteps // model.n_envs)
 
 
 def _begin_episodes(model: BaseAlgorithm, indices: list[int]) -> None:
@@ -161,10 +158,10 @@ def _begin_episodes(model: BaseAlgorithm, indices: list[int]) -> None:
     learner._last_obs = seen
     learner._last_original_obs = seen
     learner._last_episode_starts[indices] = True
-    buffer, rows = replay_buffer(model), replay_rows(model)
-    if buffer is not None and rows:
+    ring = replay_ring(model)
+    if ring is not None and ring.rows:
         # Returns over several steps must not run from one episode into the other.
-        buffer.timeouts[(rows - 1) % buffer.buffer_size, indices] = True
+        learner.replay_buffer.timeouts[(ring.rows - 1) % ring.capacity, indices] = True
 
 
 def _episode_logs(model: BaseAlgorithm) -> list[EpisodeLog]:

@@ -15,7 +15,7 @@ from hprs.training.run_directory import RunDirectory
 from hprs.training.sb3.events import make_logger
 from hprs.training.sb3.model import make_model, make_vector, refuse_divergence
 from hprs.training.sb3.policy import save_policies, threads
-from hprs.training.sb3.state import Restoration, replay_buffer, replay_rows
+from hprs.training.sb3.state import Restoration, replay_ring
 
 if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
@@ -106,9 +106,9 @@ def open_model(
         return model, None
     restoration = Restoration(checkpoint.contents)
     model = restoration.model(configuration, environments)
-    if (buffer := replay_buffer(model)) is not None:
+    if (ring := replay_ring(model)) is not None:
         try:
-            load_segments(run.replay, buffer, replay_rows(model), checkpoint.segments)
+            load_segments(run.replay, ring, checkpoint.segments)
         except RunError as error:
             raise run.cannot_go_on(error) from None
     restarted = restoration.environments(model, configuration.seed)
