@@ -127,11 +127,12 @@ def _device_parts(session: Any, jax: Any) -> dict[str, float]:
     from _common import seconds
 
     from hprs.training.ppo import on_device
+    from hprs.training.trees import one_of
 
     shape, environment, simulation = session.shape, session._environment, session._simulation
     session.advance(session.step + 1)
-    state = on_device._one(session._states, 0)
-    weights = on_device._one(session._weights, 0)
+    state = one_of(session._states, 0)
+    weights = one_of(session._weights, 0)
     roll_out = jax.jit(partial(on_device.roll_out, shape, environment))
     _, rollout = roll_out(simulation, state)
     update = jax.jit(shape.update)

@@ -50,6 +50,7 @@ _ANY_ACTION = ("Box", "Discrete", "MultiDiscrete", "MultiBinary")
 
 _ALGORITHMS = (
     Algorithm("ppo", "jax", ("Box", "Discrete"), ("Box",)),
+    Algorithm("sac", "jax", ("Box",), ("Box",), critic="qf"),
     # Stable-Baselines3 would collect 2,048 steps of each of the 8 environments.
     _sb3("ppo", _ANY_ACTION, "vf", {"environments": 8, "n_steps": 256}),
     _sb3("a2c", _ANY_ACTION, "vf", {"environments": 8}),

@@ -6,7 +6,7 @@ An environment is trained so if its unwrapped object has an attribute `simulatio
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
@@ -17,9 +17,11 @@ from jax import Array
 
 from hprs.envs.simulated import Simulation
 from hprs.rewards.base import Reward
+from hprs.semantics.assessment import assess
 from hprs.semantics.evaluation import carry, evaluate
 from hprs.semantics.plan import plan_of
 from hprs.spec.task import ENV_REWARD, Task
+from hprs.training.evaluation import Episode
 from hprs.training.signal_scale import SignalScale
 from hprs.wrappers.signals import Reader
 
@@ -229,3 +231,13 @@ def trace(
         return time + 1, running, alive & ~(made.terminated | made.truncated), found
 
     return jax.lax.while_loop(goes_on, step, start)[3]
+
+
+def episodes_of(task: Task, traces: Traces, seeds: Sequence[int], first: int = 0) -> list[Episode]:
+    """The assessed episodes of some seeds, from row `first` on."""
+    found: list[Episode] = []
+    for row, seed in enumerate(seeds, first):
+        length = int(traces.length[row])
+        values = {name: all_[: length + 1, row] for name, all_ in traces.values.items()}
+        found.append(Episode(seed, float(traces.total[row]), assess(task, values)))
+    return found

@@ -7,6 +7,7 @@ of the benchmark, what this project sets for the algorithm, the default of the t
 from __future__ import annotations
 
 import difflib
+import importlib
 import types
 import typing
 from collections.abc import Callable, Mapping
@@ -68,9 +69,8 @@ def known_parameters(algorithm: Algorithm) -> dict[str, tuple[Any, Any]]:
     if algorithm.trainer == "jax":
         require("jax", "jax")
         require("optax", "jax")
-        from hprs.training.ppo.settings import HYPERPARAMETERS
-
-        return dict(HYPERPARAMETERS)
+        module = importlib.import_module(f"hprs.training.{algorithm.name}.settings")
+        return dict(module.HYPERPARAMETERS)
     from hprs.training.sb3.settings import hyperparameters
 
     kind = getattr(require("stable_baselines3", "sb3"), algorithm.class_name)
@@ -120,7 +120,8 @@ def _networks(algorithm: Algorithm, value: Any) -> list[Any]:
 def _check_jax(algorithm: Algorithm, parameters: Mapping[str, Any], action_space: str) -> None:
     del action_space
     check_together(algorithm.name, parameters)
-    check_minibatches(algorithm.name, parameters)
+    if "n_steps" in parameters:
+        check_minibatches(algorithm.name, parameters)
 
 
 def _check_sb3(algorithm: Algorithm, parameters: Mapping[str, Any], action_space: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,6 +13,9 @@ from jax import Array
 
 from hprs.rewards.base import Reward
 from hprs.semantics.evaluation import Signals
+from hprs.training.configuration import Configuration
+from hprs.wrappers.arguments import chosen_reward
+from hprs.wrappers.single import TaskWrapper
 
 
 @dataclass(frozen=True)
@@ -45,12 +49,31 @@ class Several:
         return tuple(kept for kept, _ in made), paid[which, np.arange(len(which))]
 
 
-def reward_of(rewards: Sequence[Reward]) -> Reward:
-    """The reward of members, of each of which there is one."""
-    different: list[Reward] = []
-    for reward in rewards:
-        if reward not in different:
-            different.append(reward)
+def reward_of(configurations: Sequence[Configuration], environment: TaskWrapper) -> Reward:
+    """The reward of a population's members, one of each.
+
+    Args:
+        configurations: Of the members; they share the environment and the task.
+        environment: The wrapped environment of one of them.
+    """
+    rewards: dict[str, Reward] = {}
+    for one in configurations:
+        key = _key(one)
+        if key not in rewards:
+            rewards[key] = chosen_reward(
+                one.reward,
+                one.task,
+                environment,
+                end=one.end,
+                discount=one.discount,
+                options=one.reward_options,
+            )
+    different = list(rewards)
     if len(different) == 1:
-        return different[0]
-    return Several(tuple(different), tuple(different.index(reward) for reward in rewards))
+        return rewards[different[0]]
+    return Several(tuple(rewards.values()), tuple(different.index(_key(o)) for o in configurations))
+
+
+def _key(configuration: Configuration) -> str:
+    options = dict(configuration.reward_options)
+    return json.dumps([configuration.reward, configuration.end, configuration.discount, options])

@@ -41,7 +41,9 @@ class TrainTogether(Protocol):
         ...
 
 
-_MODULES: Mapping[tuple[str, str], str] = MappingProxyType({("jax", "ppo"): "hprs.training.ppo"})
+_MODULES: Mapping[tuple[str, str], str] = MappingProxyType(
+    {("jax", "ppo"): "hprs.training.ppo", ("jax", "sac"): "hprs.training.sac"}
+)
 """Trainer and algorithm to the module that has `train`; Stable-Baselines3's is one for all."""
 
 

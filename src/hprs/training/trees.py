@@ -13,6 +13,11 @@ from hprs.training.arrays import pack, unpack
 Tree = TypeVar("Tree")
 
 
+def one_of(tree: Tree, index: Any) -> Tree:
+    """What belongs to one member of a population, whose members are the first axis."""
+    return jax.tree.map(lambda leaf: leaf[index], tree)
+
+
 def pack_tree(tree: Any) -> bytes:
     """The leaves of a tree, named by their paths."""
     leaves = jax.tree_util.tree_leaves_with_path(tree)

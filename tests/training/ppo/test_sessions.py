@@ -14,6 +14,7 @@ from hprs.training.ppo.on_device import DeviceSession
 from hprs.training.ppo.on_host import HostSession
 from hprs.training.ppo.training import open_session
 from hprs.training.statistics import unseen
+from hprs.training.trees import one_of
 from tests.training.ppo.point import ID, TASK
 
 SMALL = {"environments": 4, "n_steps": 16, "batch_size": 32, "n_epochs": 2, "net_arch": [8]}
@@ -109,7 +110,7 @@ def test_a_seed_determines_the_training(kind, configured):
 
 def test_the_first_ratio_is_1_with_statistics_of_two_rollouts(point):
     shape, environment = point.shape, point._environment
-    state = on_device._one(point._states, 0)
+    state = one_of(point._states, 0)
     assert float(state.member.observations.count) > 100
     _, rollout = on_device.roll_out(shape, environment, point._simulation, state)
     member = state.member
@@ -127,7 +128,7 @@ def test_the_first_ratio_is_1_with_statistics_of_two_rollouts(point):
 
 def test_a_rollout_goes_on_where_episodes_do_not_end(point):
     """Reached and left are one state there; where one ends, another begins."""
-    state = on_device._one(point._states, 0)
+    state = one_of(point._states, 0)
     _, rollout = on_device.roll_out(point.shape, point._environment, point._simulation, state)
     ended = np.asarray(rollout.terminated | rollout.truncated)[:-1]
     following = np.asarray(rollout.observation)[1:]
@@ -154,9 +155,9 @@ def test_statistics_are_those_of_all_samples_that_count():
 
 def test_a_reward_of_nothing_stays_finite(configured):
     session = open_session([configured("device")])
-    shape, state = session.shape, on_device._one(session._states, 0)
+    shape, state = session.shape, one_of(session._states, 0)
     state, rollout = on_device.roll_out(shape, session._environment, session._simulation, state)
     zero = rollout._replace(reward=jnp.zeros_like(rollout.reward))
-    member, scalars = shape.update(state.member, zero, on_device._one(session._weights, 0), 0)
+    member, scalars = shape.update(state.member, zero, one_of(session._weights, 0), 0)
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(member.parameters))
     assert float(scalars["reward_scale"]) > 0

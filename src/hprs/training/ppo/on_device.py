@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -14,13 +14,13 @@ from gymnasium.utils.seeding import np_random
 from jax import Array
 
 from hprs.envs.simulated import Simulation, draw_key
-from hprs.semantics.assessment import assess
 from hprs.training.configuration import Configuration
 from hprs.training.device import (
     DeviceEnvironment,
     Running,
     Stock,
     Traces,
+    episodes_of,
     renewed,
     stock,
     trace,
@@ -32,10 +32,8 @@ from hprs.training.ppo.losses import Weights
 from hprs.training.ppo.ppo_session import PpoSession, holds_numbers
 from hprs.training.signal_scale import signal_scale
 from hprs.training.simulations import device_environment
-from hprs.training.trees import pack_tree, unpack_tree
+from hprs.training.trees import one_of, pack_tree, unpack_tree
 from hprs.wrappers.single import TaskWrapper
-
-Tree = TypeVar("Tree")
 
 STEPS_A_CALL = 2**16
 """Environment steps of a compiled call: whoever watches hears of the progress after each."""
@@ -159,7 +157,7 @@ class DeviceSession(PpoSession):
         ]
         self._states: State = jax.tree.map(lambda *leaves: jnp.stack(leaves), *begun)
         self._scalars: list[dict[str, float]] = [{} for _ in configurations]
-        self._pick = jax.jit(_one)
+        self._pick = jax.jit(one_of)
         self._check = jax.jit(jax.vmap(holds_numbers))
         self._checked: tuple[int, np.ndarray] | None = None
         self._trace = jax.jit(_of_members(self._traced, (None, 0, None)))
@@ -190,7 +188,7 @@ class DeviceSession(PpoSession):
 
     def restore(self, member: int, contents: Mapping[str, bytes]) -> list[str]:
         """Go on from a capture: with running episodes and random numbers as they were."""
-        found = unpack_tree(contents[STATE], _one(self._states, member))
+        found = unpack_tree(contents[STATE], one_of(self._states, member))
         self._states = jax.tree.map(lambda all_, one: all_.at[member].set(one), self._states, found)
         self._checked = None
         return []
@@ -208,7 +206,7 @@ class DeviceSession(PpoSession):
             self._simulation, self._states, self._weights, jnp.int32(number)
         )
         found = jax.device_get(scalars)
-        self._scalars = [told(_one(found, member)) for member in range(self._number)]
+        self._scalars = [told(one_of(found, member)) for member in range(self._number)]
 
     def evaluate(self, seeds: Sequence[int], watch: Callable[[int], None]) -> list[list[Episode]]:
         """All episodes in one compiled call; those of the Gymnasium environment, to 1e-5."""
@@ -217,21 +215,14 @@ class DeviceSession(PpoSession):
         watch(len(seeds))
         # What a member that has diverged does is no episode.
         return [
-            self._episodes(_one(found, member), seeds) if self.is_finite(member) else []
+            episodes_of(self._environment.task, one_of(found, member), seeds)
+            if self.is_finite(member)
+            else []
             for member in range(self._number)
         ]
 
     def close(self) -> None:
         """Nothing to close."""
-
-    def _episodes(self, found: Traces, seeds: Sequence[int]) -> list[Episode]:
-        episodes: list[Episode] = []
-        for index, seed in enumerate(seeds):
-            length = int(found.length[index])
-            values = {name: all_[: length + 1, index] for name, all_ in found.values.items()}
-            assessment = assess(self._environment.task, values)
-            episodes.append(Episode(seed, float(found.total[index]), assessment))
-        return episodes
 
     def _compiled(self) -> Any:
         trained = _of_members(partial(train, self.shape, self._environment), (None, 0, 0, None))
@@ -259,14 +250,9 @@ def _of_members(function: Callable[..., Any], axes: tuple[int | None, ...]) -> C
         if number > 1:
             return jax.vmap(function, axes)(*arguments)
         alone = [
-            given if axis is None else _one(given, 0)
+            given if axis is None else one_of(given, 0)
             for given, axis in zip(arguments, axes, strict=True)
         ]
         return jax.tree.map(lambda leaf: leaf[None], function(*alone))
 
     return of_all
-
-
-def _one(tree: Tree, index: Any) -> Tree:
-    """What belongs to one member."""
-    return jax.tree.map(lambda leaf: leaf[index], tree)

@@ -2,24 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
+from gymnasium.utils.seeding import np_random
 from jax import Array
 
-from hprs.training.device import DeviceEnvironment, Running, Simulation, Step
-from hprs.training.frames import Frames
+from hprs.envs.simulated import Simulation, draw_key
+from hprs.training.configuration import Configuration
+from hprs.training.device import DeviceEnvironment, Running, Step, Traces, episodes_of, trace
+from hprs.training.evaluation import Episode
+from hprs.training.frames import Frames, frames_of
+from hprs.training.learner_session import STATE
 from hprs.training.sac.buffer import Buffer, added, empty, frame_of, sampled
 from hprs.training.sac.learner import Member, Report, Shape, Weights
+from hprs.training.sac.sac_session import SacSession, holds_numbers, told
+from hprs.training.several import reward_of
+from hprs.training.simulations import device_environment
+from hprs.training.trees import one_of, pack_tree, unpack_tree
+from hprs.wrappers.single import TaskWrapper
 
 _BEGINNING = 2**32 - 1
 """What the key of the first episodes is folded with: no number of rounds."""
 
 CHUNK = 32
 """Rounds whose random numbers are drawn together: inside a loop XLA would draw them anew."""
+
+
+UPDATES_A_CALL = 1024
+"""Updates of all members in a compiled call: whoever watches hears of the progress after each."""
 
 
 class State(NamedTuple):
@@ -32,6 +48,14 @@ class State(NamedTuple):
     buffer: Buffer
     rounds: Array
     """Made so far, () int32."""
+
+
+class Part(NamedTuple):
+    """What of a state belongs to one member, but for its transitions."""
+
+    members: Member
+    running: Running
+    rounds: Array
 
 
 class Draws(NamedTuple):
@@ -232,3 +256,184 @@ def _renewed(
 
     # Most steps end no episode.
     return jax.lax.cond(jnp.any(ended), renew, lambda: reached)
+
+
+class DeviceSession(SacSession):
+    """Trainings whose environments are JAX functions, as members of one program.
+
+    Args:
+        configurations: What to train; they make one program.
+        environment: The wrapped environment of the first, for its spaces and horizon.
+        simulation: Its functions.
+    """
+
+    def __init__(
+        self,
+        configurations: Sequence[Configuration],
+        environment: TaskWrapper,
+        simulation: Simulation,
+    ) -> None:
+        first, self._number = configurations[0], len(configurations)
+        super().__init__(first, environment)
+        self._simulation = simulation
+        reward = reward_of(configurations, environment)
+        self._environment = device_environment(first.task, reward, environment)
+        self._frames = frames_of(simulation, self.shape.observation)
+        weights = [self.shape.weights(one.parameters, one.steps) for one in configurations]
+        self._weights: Weights = jax.tree.map(lambda *values: jnp.stack(values), *weights)
+        made = [self.shape.make(one.seed, one.parameters) for one in configurations]
+        members: Member = jax.tree.map(lambda *leaves: jnp.stack(leaves), *made)
+        self._states: State = jax.jit(self._begun)(simulation, members)
+        self._reports: Report | None = None
+        self._pick = jax.jit(one_of)
+        self._check = jax.jit(jax.vmap(holds_numbers))
+        self._checked: tuple[int, np.ndarray] | None = None
+        self._trace = jax.jit(self._traced)
+        # Beside the first evaluation, which comes first and is compiled too.
+        beside = ThreadPoolExecutor(1, "compilation")
+        self._compiling = beside.submit(self._compiled)
+        beside.shutdown(wait=False)
+
+    @property
+    def step(self) -> int:
+        """Environment steps of each member so far."""
+        return int(self._states.rounds) * self.shape.settings.round
+
+    def learned(self, member: int) -> Member:
+        """What a member has learned so far."""
+        return self._pick(self._states.members, member)
+
+    def is_finite(self, member: int) -> bool:
+        """Whether its networks hold numbers; found out once a step for all."""
+        if self._checked is None or self._checked[0] != self.step:
+            self._checked = self.step, np.asarray(self._check(self._states.members))
+        return bool(self._checked[1][member])
+
+    def scalars(self, member: int) -> Mapping[str, float]:
+        """What is told of a member's newest update."""
+        return {} if self._reports is None else told(one_of(self._reports, member))
+
+    def restore(self, member: int, contents: Mapping[str, bytes]) -> list[str]:
+        """Go on from a capture: with running episodes and random numbers as they were."""
+        found = unpack_tree(contents[STATE], self._part(member))
+        rows = self._rows(member)
+        states, some = self._states, (found.members, found.running)
+        self._states = states._replace(
+            members=jax.tree.map(lambda x, one: x.at[member].set(one), states.members, some[0]),
+            running=jax.tree.map(lambda x, one: x.at[rows].set(one), states.running, some[1]),
+            rounds=found.rounds,
+        )
+        self._checked = None
+        return []
+
+    def capture(self, member: int) -> dict[str, bytes]:
+        """The whole state of a member but for its transitions."""
+        return {STATE: pack_tree(self._part(member))}
+
+    def ring(self, member: int) -> DeviceRing:
+        """Its transitions."""
+        return DeviceRing(self, self._rows(member))
+
+    def advance(self, until: int) -> None:
+        """As many chunks of rounds as it takes, but no more than a call should take."""
+        chunk = self.shape.settings.round * CHUNK
+        wanted = -(-(until - self.step) // chunk)
+        number = max(1, min(wanted, UPDATES_A_CALL // (CHUNK * self._number)))
+        self._states, reports = self._compiling.result()(
+            self._simulation, self._states, self._weights, jnp.int32(number)
+        )
+        self._reports = jax.device_get(reports)
+
+    def evaluate(self, seeds: Sequence[int], watch: Callable[[int], None]) -> list[list[Episode]]:
+        """All episodes in one compiled call."""
+        keys = np.stack([draw_key(np_random(seed)[0]) for seed in seeds])
+        keys = np.tile(keys, (self._number, 1))
+        found = jax.device_get(self._trace(self._simulation, self._states.members, keys))
+        watch(len(seeds))
+        # What a member that has diverged does is no episode.
+        return [
+            episodes_of(self._environment.task, found, seeds, member * len(seeds))
+            if self.is_finite(member)
+            else []
+            for member in range(self._number)
+        ]
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+    def _rows(self, member: int) -> slice:
+        each = self.shape.settings.environments
+        return slice(member * each, (member + 1) * each)
+
+    def _part(self, member: int) -> Part:
+        rows, states = self._rows(member), self._states
+        return Part(
+            members=self._pick(states.members, member),
+            running=jax.tree.map(lambda leaf: leaf[rows], states.running),
+            rounds=states.rounds,
+        )
+
+    def _begun(self, simulation: Simulation, members: Member) -> State:
+        return begin(self.shape, self._environment, self._frames, simulation, members)
+
+    def _compiled(self) -> Any:
+        program = partial(train, self.shape, self._environment, self._frames)
+        lowered = jax.jit(program, donate_argnums=1).lower(
+            self._simulation, self._states, self._weights, jnp.int32(1)
+        )
+        return lowered.compile()
+
+    def _traced(self, simulation: Simulation, members: Member, keys: Array) -> Traces:
+        def policy(observation: Array) -> Array:
+            rows = observation.reshape(self._number, -1, observation.shape[-1])
+            found = of_members(self.shape.best)(members, rows)
+            return found.reshape(len(keys), *found.shape[2:])
+
+        return trace(self._environment, simulation, policy, keys)
+
+
+class DeviceRing:
+    """The transitions of one member, as they are kept on disk.
+
+    Args:
+        session: Whose buffer it is.
+        rows: The member's environments in it.
+    """
+
+    def __init__(self, session: DeviceSession, rows: slice) -> None:
+        self._session, self._rows = session, rows
+
+    @property
+    def _buffer(self) -> Buffer:
+        return self._session._states.buffer
+
+    @property
+    def capacity(self) -> int:
+        """Rows that it holds at most: steps of all of the member's environments."""
+        return len(self._buffer.reward)
+
+    @property
+    def rows(self) -> int:
+        """Rows that it was given since the training began."""
+        return self._session.step // self._session.shape.settings.environments
+
+    @property
+    def row_bytes(self) -> int:
+        """Memory of a row."""
+        return sum(leaf[0, self._rows].nbytes for leaf in self._buffer)
+
+    def read(self, places: np.ndarray) -> dict[str, np.ndarray]:
+        """Some rows, by their places."""
+        return {
+            name: np.asarray(leaf[places, self._rows])
+            for name, leaf in self._buffer._asdict().items()
+        }
+
+    def write(self, places: np.ndarray, rows: Mapping[str, np.ndarray]) -> None:
+        """Put rows at their places."""
+        states = self._session._states
+        filled = {
+            name: leaf.at[places, self._rows].set(rows[name])
+            for name, leaf in states.buffer._asdict().items()
+        }
+        self._session._states = states._replace(buffer=Buffer(**filled))
