@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import jax
@@ -14,8 +15,9 @@ from jax import Array
 from hprs.training.arrays import pack, unpack
 from hprs.training.configuration import Configuration
 from hprs.training.environment import make_configured
-from hprs.training.evaluation import SIDE_BY_SIDE, Episode, evaluate
+from hprs.training.evaluation import Episode, evaluate
 from hprs.training.host import HostEnvironments, Transition, make_host
+from hprs.training.host.policy import PaddedPolicy
 from hprs.training.learner_session import STATE, told
 from hprs.training.ppo.learner import Member, Rollout, Shape
 from hprs.training.ppo.ppo_session import PpoSession, holds_numbers
@@ -158,7 +160,7 @@ class HostSession(PpoSession):
 
     def evaluate(self, seeds: Sequence[int], watch: Callable[[int], None]) -> list[list[Episode]]:
         """Run the policy on one episode a seed, some at a time."""
-        policy = _Best(self._best, self.member)
+        policy = PaddedPolicy(partial(self._best, self.member))
         return [evaluate(lambda: make_configured(self._configuration), policy, seeds, watch)]
 
     def close(self) -> None:
@@ -186,25 +188,6 @@ class HostSession(PpoSession):
             signals=self._scale(rows.signals), reached_signals=self._scale(rows.reached_signals)
         )
         return self.shape.update(member, rows, self._weights, made)
-
-
-class _Best:
-    """The most likely actions of a member, for the evaluation."""
-
-    def __init__(self, best: Callable[..., Any], member: Member) -> None:
-        self._best, self._member = best, member
-
-    def __call__(self, observation: Any, /) -> Any:
-        """The action to take."""
-        return self.batch([observation])[0]
-
-    def batch(self, observations: Sequence[Any]) -> Sequence[Any]:
-        """One action for each observation."""
-        rows = np.stack([np.asarray(one, np.float32).ravel() for one in observations])
-        # Padded: another number of rows would be compiled anew.
-        wide = np.zeros((SIDE_BY_SIDE, rows.shape[1]), np.float32)
-        wide[: len(rows)] = rows
-        return list(np.asarray(self._best(self._member, wide))[: len(rows)])
 
 
 def open_host(configuration: Configuration, environment: TaskWrapper) -> HostSession:

@@ -32,20 +32,18 @@ class Buffer(NamedTuple):
     """Steps since the episode began, but no more than frames reach back, (C, R) uint8."""
 
 
-def empty(capacity: int, rows: int, frames: Frames, outputs: int) -> Buffer:
-    """A ring without transitions."""
-    size = capacity, rows
-    frame = jnp.zeros((*size, len(frames.newest)))
-    no = jnp.zeros(size, bool)
+def empty(capacity: int, rows: int, frames: Frames, outputs: int, xp: ModuleType = jnp) -> Buffer:
+    """A ring without transitions; `xp` is the namespace of its arrays, NumPy's or JAX's."""
+    size, kind = (capacity, rows), jnp.zeros(()).dtype
     return Buffer(
-        frame=frame,
-        reached=jnp.zeros_like(frame),
-        action=jnp.zeros((*size, outputs)),
-        reward=jnp.zeros(size),
-        terminated=no,
-        truncated=jnp.zeros_like(no),
-        valid=jnp.zeros_like(no),
-        age=jnp.zeros(size, jnp.uint8),
+        frame=xp.zeros((*size, len(frames.newest)), kind),
+        reached=xp.zeros((*size, len(frames.newest)), kind),
+        action=xp.zeros((*size, outputs), kind),
+        reward=xp.zeros(size, kind),
+        terminated=xp.zeros(size, bool),
+        truncated=xp.zeros(size, bool),
+        valid=xp.zeros(size, bool),
+        age=xp.zeros(size, xp.uint8),
     )
 
 

@@ -118,7 +118,8 @@ class Shape:
         made = Parameters(policy, (one, other), log_entropy)
         return Member(
             parameters=made,
-            targets=made.critics,
+            # Of their own: what is updated in place must be there once.
+            targets=jax.tree.map(jnp.copy, made.critics),
             optimiser=Parameters(*map(OPTIMISER.init, made)),
             key=jnp.asarray(of_key.generate_state(2, np.uint32)),
         )

@@ -1,12 +1,250 @@
-"""SAC on environments that Python steps: acting and updating are compiled, stepping is not."""
+"""SAC on environments that Python steps: acting and updating are compiled, stepping is not.
+
+While an environment is stepped, the networks are updated: the update misses the newest transition,
+and every action is chosen with the newest networks.
+"""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from hprs.training.arrays import pack, unpack
 from hprs.training.configuration import Configuration
-from hprs.training.session import Session
+from hprs.training.environment import make_configured
+from hprs.training.evaluation import Episode, evaluate
+from hprs.training.frames import frames_of
+from hprs.training.host import HostEnvironments, Transition, make_host
+from hprs.training.host.policy import PaddedPolicy
+from hprs.training.learner_session import STATE
+from hprs.training.sac.buffer import Buffer, empty, frame_of, sampled
+from hprs.training.sac.learner import Batch, Member, Report, Weights
+from hprs.training.sac.sac_session import SacSession, holds_numbers, told
+from hprs.training.sac.settings import Settings
+from hprs.training.trees import pack_tree, unpack_tree
 from hprs.wrappers.single import TaskWrapper
 
+ARRAYS, COUNTS = "environments.npz", "counts.json"
 
-def open_host(configuration: Configuration, environment: TaskWrapper) -> Session:
+ROUNDS_A_CALL = 64
+"""Rounds after which whoever watches hears of the progress."""
+
+
+class HostSession(SacSession):
+    """A training whose environments Python steps; it has one member.
+
+    Args:
+        configuration: What to train.
+        environment: A wrapped environment, for its spaces.
+        environments: Those that are stepped.
+    """
+
+    def __init__(
+        self,
+        configuration: Configuration,
+        environment: TaskWrapper,
+        environments: HostEnvironments,
+    ) -> None:
+        super().__init__(configuration, environment)
+        s = self.shape.settings
+        self._weights = self.shape.weights(configuration.parameters, configuration.steps)
+        self._environments = environments
+        self._frames = frames_of(None, self.shape.observation)
+        self.member: Member = self.shape.make(configuration.seed, configuration.parameters)
+        made = empty(
+            s.buffer_size // s.environments,
+            s.environments,
+            self._frames,
+            self.shape.actions.outputs,
+            np,
+        )
+        self._buffer: Buffer = made
+        self._act, self._best = jax.jit(self._acted), jax.jit(self.shape.best)
+        self._update = jax.jit(self._updated, donate_argnums=0)
+        self._draw = jax.jit(self._drawn)
+        self._check = jax.jit(holds_numbers)
+        self._report: Report | None = None
+        self._rounds, self._step = 0, 0
+        environments.reset(configuration.seed)
+
+    @property
+    def step(self) -> int:
+        """Environment steps so far; those that only reset an environment do not count."""
+        return self._step
+
+    def learned(self, member: int) -> Member:
+        """What has been learned so far."""
+        return self.member
+
+    def is_finite(self, member: int) -> bool:
+        """Whether its networks hold numbers."""
+        return bool(self._check(self.member))
+
+    def scalars(self, member: int) -> Mapping[str, float]:
+        """What is told of the newest update."""
+        return {} if self._report is None else told(self._report)
+
+    def restore(self, member: int, contents: Mapping[str, bytes]) -> list[str]:
+        """Go on from a capture; episodes that cannot go on begin anew."""
+        self.member = unpack_tree(contents[STATE], self.member)
+        kept = json.loads(contents[COUNTS])
+        self._step, self._rounds = kept["step"], kept["rounds"]
+        return self._environments.restore({**kept["environments"], **unpack(contents[ARRAYS])})
+
+    def capture(self, member: int) -> dict[str, bytes]:
+        """The whole state but for the transitions."""
+        state = self._environments.state()
+        arrays = {name: value for name, value in state.items() if isinstance(value, np.ndarray)}
+        kept = {
+            "step": self._step,
+            "rounds": self._rounds,
+            "environments": {name: state[name] for name in state if name not in arrays},
+        }
+        return {
+            STATE: pack_tree(self.member),
+            COUNTS: json.dumps(kept).encode(),
+            ARRAYS: pack(arrays),
+        }
+
+    def ring(self, member: int) -> HostRing:
+        """Its transitions."""
+        return HostRing(self._buffer, self._rounds * self.shape.settings.train_freq)
+
+    def advance(self, until: int) -> None:
+        """Some rounds."""
+        for _ in range(ROUNDS_A_CALL):
+            self._play_round()
+            if self._step >= until:
+                break
+
+    def _play_round(self) -> None:
+        """Steps of all environments, and updates beside the last of them."""
+        s, count = self.shape.settings, self._rounds * self.shape.settings.train_freq
+        noise, anything, bits, update = self._draw(self.member.key, self._rounds)
+        drawn = np.asarray(bits)
+        for time in range(s.train_freq):
+            action, given = self._chosen(noise[time], anything[time])
+            last = time == s.train_freq - 1
+            # What is known already; the transition to come is not.
+            early = last and s.overlap and self._learns(count)
+            if early:
+                self._learn(drawn, update, count)
+            seen = self._environments.seen
+            made = self._environments.step(given)
+            self._remember(seen.observation, action, made, count)
+            count += 1
+            self._step += int(made.valid.sum())
+            if last and not early and self._learns(count):
+                self._learn(drawn, update, count)
+        self._rounds += 1
+
+    def _learns(self, count: int) -> bool:
+        return count * self.shape.settings.environments > self.shape.settings.learning_starts
+
+    def _chosen(self, noise: Array, anything: Array) -> tuple[np.ndarray, np.ndarray]:
+        """Actions in [-1, 1], and as the environments take them."""
+        if self._step < self.shape.settings.learning_starts:
+            action = anything
+            given = self.shape.actions.for_environment(action)
+            return np.asarray(action), np.asarray(given)
+        return jax.device_get(self._act(self.member, self._environments.seen.observation, noise))
+
+    def _learn(self, bits: np.ndarray, noise: Array, count: int) -> None:
+        """Begin the updates of a round; the device works while this goes on."""
+        for some, of_it in zip(bits, noise, strict=True):
+            batch = sampled(self._buffer, self._frames, some[None], count, 1, np)
+            batch = Batch(*(column[0] for column in batch))
+            self.member, self._report = self._update(
+                self.member, batch, of_it, self._weights, jnp.float32(self._step)
+            )
+
+    def _remember(
+        self, observation: np.ndarray, action: np.ndarray, made: Transition, count: int
+    ) -> None:
+        at = count % len(self._buffer.reward)
+        row = Buffer(
+            frame=frame_of(observation, self._frames),
+            reached=frame_of(made.reached.observation, self._frames),
+            action=action,
+            reward=made.reward,
+            terminated=made.terminated,
+            truncated=made.truncated,
+            valid=made.valid,
+            age=np.zeros(len(made.reward), np.uint8),
+        )
+        for all_, one in zip(self._buffer, row, strict=True):
+            all_[at] = one
+
+    def evaluate(self, seeds: Sequence[int], watch: Any) -> list[list[Episode]]:
+        """Run the policy on one episode a seed, some at a time."""
+        policy = PaddedPolicy(partial(self._best, self.member))
+        return [evaluate(lambda: make_configured(self._configuration), policy, seeds, watch)]
+
+    def close(self) -> None:
+        """Close the environments."""
+        self._environments.close()
+
+    def _acted(self, member: Member, observation: Array, noise: Array) -> tuple[Array, Array]:
+        action = self.shape.act(member, observation, noise)
+        return action, self.shape.actions.for_environment(action)
+
+    def _updated(
+        self, member: Member, batch: Batch, noise: Array, weights: Weights, made: Array
+    ) -> tuple[Member, Report]:
+        return self.shape.update(member, batch, noise, weights, made)
+
+    def _drawn(self, key: Array, rounds: Array) -> tuple[Array, Array, Array, Array]:
+        """The random numbers of a round; they depend on nothing but the seed and its number."""
+        s, outputs = self.shape.settings, self.shape.actions.outputs
+        keys = jax.random.split(jax.random.fold_in(jax.random.wrap_key_data(key), rounds), 4)
+        steps = s.train_freq, s.environments, outputs
+        return (
+            jax.random.normal(keys[0], steps),
+            jax.random.uniform(keys[1], steps, minval=-1.0, maxval=1.0),
+            jax.random.bits(keys[2], (s.gradient_steps, s.batch_size)),
+            jax.random.normal(keys[3], (s.gradient_steps, 2, s.batch_size, outputs)),
+        )
+
+
+class HostRing:
+    """The transitions of a training, as they are kept on disk.
+
+    Args:
+        buffer: The transitions, arrays of NumPy.
+        rows: Steps of all environments since the training began.
+    """
+
+    def __init__(self, buffer: Buffer, rows: int) -> None:
+        self._arrays: dict[str, Any] = buffer._asdict()
+        self.rows = rows
+        """Rows that it was given since the training began."""
+        self.capacity = len(buffer.reward)
+        """Rows that it holds at most."""
+
+    @property
+    def row_bytes(self) -> int:
+        """Memory of a row."""
+        return sum(array[0].nbytes for array in self._arrays.values())
+
+    def read(self, places: np.ndarray) -> dict[str, np.ndarray]:
+        """Some rows, by their places."""
+        return {name: array[places] for name, array in self._arrays.items()}
+
+    def write(self, places: np.ndarray, rows: Mapping[str, np.ndarray]) -> None:
+        """Put rows at their places."""
+        for name, array in self._arrays.items():
+            array[places] = rows[name]
+
+
+def open_host(configuration: Configuration, environment: TaskWrapper) -> HostSession:
     """A session that steps environments of its own."""
-    raise NotImplementedError
+    settings = Settings.of(configuration.parameters)
+    environments = make_host(configuration, settings.environments, vectorized=False)
+    return HostSession(configuration, environment, environments)
