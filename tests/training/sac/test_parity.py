@@ -102,15 +102,18 @@ def batches(number):
     rng = np.random.default_rng(1)
     for _ in range(number):
         terminated = rng.random(ROWS) < 0.2
-        yield Batch(
-            observation=rng.normal(size=(ROWS, SIZE)),
-            action=rng.uniform(-1, 1, (ROWS, OUTPUTS)),
-            reward=rng.normal(size=ROWS),
-            terminated=terminated,
-            truncated=~terminated & (rng.random(ROWS) < 0.2),
-            valid=np.ones(ROWS, bool),
-            reached=rng.normal(size=(ROWS, SIZE)),
-        ), rng.normal(size=(2, ROWS, OUTPUTS))
+        yield (
+            Batch(
+                observation=rng.normal(size=(ROWS, SIZE)),
+                action=rng.uniform(-1, 1, (ROWS, OUTPUTS)),
+                reward=rng.normal(size=ROWS),
+                terminated=terminated,
+                truncated=~terminated & (rng.random(ROWS) < 0.2),
+                valid=np.ones(ROWS, bool),
+                reached=rng.normal(size=(ROWS, SIZE)),
+            ),
+            rng.normal(size=(2, ROWS, OUTPUTS)),
+        )
 
 
 class Fed:

@@ -12,6 +12,7 @@ from typing import TypeAlias
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
 from hprs.carsim import race
@@ -97,6 +98,25 @@ class Simulation:
     def observation_size(self) -> int:
         """Length of an observation."""
         return 2 * REMEMBERED_COMMANDS + self.stacked * (self.beams + 1)
+
+    @property
+    def history(self) -> tuple[np.ndarray, np.ndarray]:
+        """Which components of an observation repeat what earlier ones have shown.
+
+        Returns:
+            Of every component the one whose past it is, and how many steps old; in the first steps
+            of an episode it is that of the first observation.
+        """
+        parts = ((REMEMBERED_COMMANDS, 2), (self.stacked, self.beams), (self.stacked, 1))
+        repeats: list[np.ndarray] = []
+        lags: list[np.ndarray] = []
+        start = 0
+        for length, width in parts:
+            newest = start + (length - 1) * width + np.arange(width)
+            repeats.append(np.tile(newest, length))
+            lags.append(np.repeat(np.arange(length)[::-1], width))
+            start += length * width
+        return np.concatenate(repeats), np.concatenate(lags)
 
     def reset(self, key: Array) -> tuple[Episode, Array, Signals]:
         """A new episode, its first observation and its signals.
