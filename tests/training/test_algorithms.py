@@ -48,8 +48,10 @@ def test_an_algorithm_is_trained_by_the_first_trainer_that_offers_it(name):
 
 def test_a_trainer_that_lacks_an_algorithm_says_who_has_it():
     with pytest.raises(UsageError) as error:
-        find_algorithm("sac", "jax")
-    assert str(error.value) == ("the trainer jax has no sac; it has ppo. For sac: --trainer sb3.")
+        find_algorithm("td3", "jax")
+    assert str(error.value) == (
+        "the trainer jax has no td3; it has ppo, sac. For td3: --trainer sb3."
+    )
     with pytest.raises(UsageError) as error:
         find_algorithm(None, "sb33")
     assert str(error.value) == (

@@ -41,8 +41,8 @@ def test_ppo_of_the_jax_trainer_trains_every_benchmark(environment):
 def test_another_algorithm_is_trained_by_who_has_it(tmp_path):
     task = tmp_path / "mountain.hprs"
     task.write_text(MOUNTAIN)
-    found = configure("MountainCarContinuous-v0", task_path=str(task), algorithm="sac")
-    assert (found.trainer, found.algorithm) == ("sb3", "sac")
+    found = configure("MountainCarContinuous-v0", task_path=str(task), algorithm="td3")
+    assert (found.trainer, found.algorithm) == ("sb3", "td3")
     found = configure(CART_POLE, trainer="sb3")
     assert (found.trainer, found.algorithm) == ("sb3", "ppo")
     assert "threads" in found.parameters

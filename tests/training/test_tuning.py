@@ -45,11 +45,19 @@ def test_a_file_says_how_long_with_what_and_how():
     assert (found.steps_of("jax", "ppo"), found.steps_of("sb3", "sac")) == (300_000, 1_000_000)
 
 
+def test_a_table_may_be_like_one_of_our_own():
+    found = parse("steps = 9\n[sac]\ntau = 0.01\nsteps = 5\n[sb3.sac]\nlike = 'sac'\nent_coef = 1")
+    assert found.table("sb3", "sac") == {"tau": 0.01, "ent_coef": 1}
+    assert found.steps_of("sb3", "sac") == 5
+    assert found.table("jax", "sac") == {"tau": 0.01}
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (TEXT.replace("steps =", "stepps =", 1), "here.toml: unknown key 'stepps'. Did you mean 'steps'? It may hold steps, ppo, sb3."),
-        (TEXT.replace("[ppo]", "[pppo]"), "here.toml: unknown key 'pppo'. Did you mean 'ppo'? It may hold steps, ppo, sb3."),
+        ("steps = 1\n[sac]\n[sb3.sac]\nlike = 'sca'", "here.toml: 'sb3.sac.like' must name a table of the file, sac, got 'sca'."),
+        (TEXT.replace("steps =", "stepps =", 1), "here.toml: unknown key 'stepps'. Did you mean 'steps'? It may hold steps, ppo, sac, sb3."),
+        (TEXT.replace("[ppo]", "[pppo]"), "here.toml: unknown key 'pppo'. Did you mean 'ppo'? It may hold steps, ppo, sac, sb3."),
         ("[ppo]", "here.toml: 'steps' must be a whole number from 1 on, got None."),
         (TEXT.replace("300_000", "0"), "here.toml: 'steps' must be a whole number from 1 on, got 0."),
         (TEXT.replace("300_000", "true"), "here.toml: 'steps' must be a whole number from 1 on, got True."),

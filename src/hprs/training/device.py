@@ -140,7 +140,7 @@ class DeviceEnvironment:
         found: dict[str, Any] = {}
         for name, length in zip(self.scale.names, self.scale.lengths, strict=True):
             shape = (number,) if length is None else (number, length)
-            found[name] = jnp.broadcast_to(jnp.asarray(values[name], jnp.float32), shape)
+            found[name] = jnp.broadcast_to(jnp.asarray(values[name], float), shape)
         return found
 
 

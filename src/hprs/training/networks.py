@@ -58,7 +58,7 @@ def make_uniform_network(generator: np.random.Generator, sizes: Sequence[int]) -
         bound = 1 / math.sqrt(inputs)
         weights = generator.uniform(-bound, bound, (inputs, outputs))
         bias = generator.uniform(-bound, bound, outputs)
-        layers.append(Layer(jnp.asarray(weights, jnp.float32), jnp.asarray(bias, jnp.float32)))
+        layers.append(Layer(jnp.asarray(weights, float), jnp.asarray(bias, float)))
     return layers
 
 

@@ -34,6 +34,11 @@ class Session(Protocol):
     """Trainings in progress: the members of one program, which learn in step with each other."""
 
     @property
+    def notice(self) -> str:
+        """What is to be said before it begins; empty if there is nothing."""
+        ...
+
+    @property
     def step(self) -> int:
         """Environment steps of each member so far."""
         ...
@@ -157,6 +162,8 @@ def _train(seats: list[_Seat], start: Start, interruption: Interruption) -> None
     configurations = [seat.run.configuration for seat in seats]
     session = start(configurations)
     try:
+        if session.notice:
+            seats[0].listener.noticed(session.notice)
         for member, seat in enumerate(seats):
             seat.take(session, member)
         _Lesson(session, seats, interruption).run()

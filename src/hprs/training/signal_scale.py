@@ -43,7 +43,7 @@ class SignalScale:
             jnp.asarray(signals[name])[..., None] if length is None else jnp.asarray(signals[name])
             for name, length in zip(self.names, self.lengths, strict=True)
         ]
-        return jnp.concatenate([part.astype(jnp.float32) for part in parts], -1)
+        return jnp.concatenate([part.astype(float) for part in parts], -1)
 
     def by_name(self, raw: Array) -> dict[str, Array]:
         """The inverse of `stacked`."""

@@ -97,9 +97,13 @@ def device_environment(task: Task, reward: Reward, environment: TaskWrapper) -> 
         reward=reward,
         reader=make_reader(task, seen, done),
         scale=signal_scale(task),
-        zero_action=jnp.asarray(zero_action(done)),
+        zero_action=jnp.asarray(zero_action(done), None if _counts(done) else float),
         horizon=horizon_of(environment),
     )
+
+
+def _counts(space: gym.Space[Any]) -> bool:
+    return isinstance(space, spaces.Discrete)
 
 
 def horizon_of(environment: TaskWrapper) -> int:

@@ -18,6 +18,11 @@ def one_of(tree: Tree, index: Any) -> Tree:
     return jax.tree.map(lambda leaf: leaf[index], tree)
 
 
+def bytes_of(tree: Any) -> int:
+    """Memory of all leaves."""
+    return sum(leaf.nbytes for leaf in jax.tree.leaves(tree))
+
+
 def pack_tree(tree: Any) -> bytes:
     """The leaves of a tree, named by their paths."""
     leaves = jax.tree_util.tree_leaves_with_path(tree)

@@ -6,9 +6,13 @@ steps = 300_000         # environment steps of a training
 [ppo]                   # the JAX trainer's hyper-parameters, one table an algorithm
 n_steps = 128
 
-[sb3.sac]               # those of another trainer, Stable-Baselines3
+[sac]
 steps = 1_000_000       # a table may want another number of steps
 buffer_size = 300_000
+
+[sb3.sac]               # those of another trainer, Stable-Baselines3
+like = "sac"            # all that [sac] says, but for what follows
+ent_coef = "auto"
 ```
 """
 
@@ -23,6 +27,7 @@ from hprs.errors import UsageError, did_you_mean
 
 OWNER = "jax"
 """The trainer whose tables stand at the top level."""
+_LIKE = "like"
 
 
 @dataclass(frozen=True)
@@ -73,7 +78,27 @@ def parse_tuning(text: str, *, path: str, trainers: Mapping[str, Collection[str]
             key = name if trainer == OWNER else f"{trainer}.{name}"
             if "steps" in _table(table, key, path):
                 _checked_steps(table["steps"], path, key)
-    return Tuning(path, steps, tables)
+    return Tuning(path, steps, _inherited(tables, path))
+
+
+def _inherited(
+    tables: Mapping[str, dict[str, dict[str, Any]]], path: str
+) -> dict[str, dict[str, dict[str, Any]]]:
+    """The tables with what those that they are like say."""
+    found = {OWNER: tables[OWNER]}
+    for trainer, own in tables.items():
+        if trainer == OWNER:
+            continue
+        found[trainer] = {}
+        for name, table in own.items():
+            model = table.pop(_LIKE, None)
+            if model is not None and model not in tables[OWNER]:
+                raise UsageError(
+                    f"{path}: '{trainer}.{name}.{_LIKE}' must name a table of the file, "
+                    f"{' or '.join(tables[OWNER]) or 'of which there is none'}, got {model!r}."
+                )
+            found[trainer][name] = {**tables[OWNER].get(model, {}), **table}
+    return found
 
 
 def _check_keys(found: Iterable[str], known: Collection[str], path: str) -> None:

@@ -29,6 +29,8 @@ class PpoSession(LearnerSession):
         scale: Of the task's signals.
     """
 
+    notice = ""
+
     def __init__(
         self, configuration: Configuration, environment: TaskWrapper, scale: SignalScale
     ) -> None:

@@ -114,7 +114,7 @@ class Shape:
             for seeds in of_critics
         )
         first = Settings.of(parameters).first_entropy
-        log_entropy = jnp.asarray(math.log(max(first, 1e-38)), jnp.float32)
+        log_entropy = jnp.asarray(math.log(max(first, 1e-38)), float)
         made = Parameters(policy, (one, other), log_entropy)
         return Member(
             parameters=made,
@@ -144,7 +144,7 @@ class Shape:
             float(settings.learns_entropy),
             float(settings.horizon_is_terminal),
         )
-        return Weights(*(jnp.asarray(value, jnp.float32) for value in values))
+        return Weights(*(jnp.asarray(value, float) for value in values))
 
     def act(self, member: Member, observation: Array, noise: Array) -> Array:
         """Actions in [-1, 1], drawn."""

@@ -21,10 +21,11 @@ from hprs.training.frames import Frames, frames_of
 from hprs.training.learner_session import STATE
 from hprs.training.sac.buffer import Buffer, added, empty, frame_of, sampled
 from hprs.training.sac.learner import Member, Report, Shape, Weights
+from hprs.training.sac.memory import require_room, transitions
 from hprs.training.sac.sac_session import SacSession, holds_numbers, told
 from hprs.training.several import reward_of
 from hprs.training.simulations import device_environment
-from hprs.training.trees import one_of, pack_tree, unpack_tree
+from hprs.training.trees import bytes_of, one_of, pack_tree, unpack_tree
 from hprs.wrappers.single import TaskWrapper
 
 _BEGINNING = 2**32 - 1
@@ -82,8 +83,8 @@ def draw(shape: Shape, key: Array, rounds: Array) -> Draws:
     return Draws(
         noise=jax.random.normal(keys[0], (*steps, outputs)),
         anything=jax.random.uniform(keys[1], (*steps, outputs), minval=-1.0, maxval=1.0),
-        resets=jax.random.bits(keys[2], (*steps, 2)),
-        bits=jax.random.bits(keys[3], (*updates, s.batch_size)),
+        resets=jax.random.bits(keys[2], (*steps, 2), jnp.uint32),
+        bits=jax.random.bits(keys[3], (*updates, s.batch_size), jnp.uint32),
         update=jax.random.normal(keys[4], (*updates, 2, s.batch_size, outputs)),
     )
 
@@ -108,7 +109,7 @@ def begin(
 
     def keys(key: Array) -> Array:
         first = jax.random.fold_in(jax.random.wrap_key_data(key), _BEGINNING)
-        return jax.random.bits(first, (shape.settings.environments, 2))
+        return jax.random.bits(first, (shape.settings.environments, 2), jnp.uint32)
 
     rows = number * shape.settings.environments
     running = environment.reset(simulation, jax.vmap(keys)(members.key).reshape(rows, 2))
@@ -193,7 +194,7 @@ def play_round(
         members, _ = carry
         bits, noise = drawn
         batch = sampled(buffer, frames, bits, count, number)
-        steps = jnp.broadcast_to(made.astype(jnp.float32), (number,))
+        steps = jnp.broadcast_to(made.astype(float), (number,))
         return of_members(shape.update)(members, batch, noise, weights, steps), None
 
     def updates() -> tuple[Member, Report]:
@@ -282,6 +283,8 @@ class DeviceSession(SacSession):
         weights = [self.shape.weights(one.parameters, one.steps) for one in configurations]
         self._weights: Weights = jax.tree.map(lambda *values: jnp.stack(values), *weights)
         made = [self.shape.make(one.seed, one.parameters) for one in configurations]
+        remembered = transitions(self.shape.settings, self._frames, self.shape.actions.outputs)
+        self.notice = require_room(remembered, bytes_of(made[0]), self._number)
         members: Member = jax.tree.map(lambda *leaves: jnp.stack(leaves), *made)
         self._states: State = jax.jit(self._begun)(simulation, members)
         self._reports: Report | None = None

@@ -26,9 +26,10 @@ from hprs.training.host.policy import PaddedPolicy
 from hprs.training.learner_session import STATE
 from hprs.training.sac.buffer import Buffer, empty, frame_of, sampled
 from hprs.training.sac.learner import Batch, Member, Report, Weights
+from hprs.training.sac.memory import require_room, transitions
 from hprs.training.sac.sac_session import SacSession, holds_numbers, told
 from hprs.training.sac.settings import Settings
-from hprs.training.trees import pack_tree, unpack_tree
+from hprs.training.trees import bytes_of, pack_tree, unpack_tree
 from hprs.wrappers.single import TaskWrapper
 
 ARRAYS, COUNTS = "environments.npz", "counts.json"
@@ -58,6 +59,8 @@ class HostSession(SacSession):
         self._environments = environments
         self._frames = frames_of(None, self.shape.observation)
         self.member: Member = self.shape.make(configuration.seed, configuration.parameters)
+        remembered = transitions(s, self._frames, self.shape.actions.outputs)
+        self.notice = require_room(remembered, bytes_of(self.member), 1)
         made = empty(
             s.buffer_size // s.environments,
             s.environments,
@@ -208,7 +211,7 @@ class HostSession(SacSession):
         return (
             jax.random.normal(keys[0], steps),
             jax.random.uniform(keys[1], steps, minval=-1.0, maxval=1.0),
-            jax.random.bits(keys[2], (s.gradient_steps, s.batch_size)),
+            jax.random.bits(keys[2], (s.gradient_steps, s.batch_size), jnp.uint32),
             jax.random.normal(keys[3], (s.gradient_steps, 2, s.batch_size, outputs)),
         )
 

@@ -29,6 +29,9 @@ class SacSession(LearnerSession):
         environment: The wrapped environment.
     """
 
+    notice: str
+    """What it needs of memory."""
+
     def __init__(self, configuration: Configuration, environment: TaskWrapper) -> None:
         super().__init__(configuration, environment)
         self.shape = Shape(
