@@ -77,3 +77,6 @@ class Follow(Sign):
 HORIZON = 5
 for kind in (Terminal, Endless, Credit, Sign, Follow):
     gym.register(f"{kind.__name__}Probe-v0", kind, max_episode_steps=HORIZON)
+    # The same for learners whose actions are numbers.
+    of_numbers = type(kind.__name__, (kind,), {"action_space": Follow.action_space})
+    gym.register(f"{kind.__name__}BoxProbe-v0", of_numbers, max_episode_steps=HORIZON)
