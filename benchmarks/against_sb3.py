@@ -1,13 +1,13 @@
-"""Learning curves of our PPO beside those of Stable-Baselines3's, with the same hyper-parameters.
+"""Learning curves of our trainers beside those of Stable-Baselines3's, with the same settings.
 
-    .venv/bin/python benchmarks/ppo_against_sb3.py                 # trains what is missing
-    .venv/bin/python benchmarks/ppo_against_sb3.py --tables-only
+    .venv/bin/python benchmarks/against_sb3.py ppo                 # trains what is missing
+    .venv/bin/python benchmarks/against_sb3.py sac --tables-only
 
-CartPole-v1 and Pendulum-v1 under their own rewards, seeds 0 to 9 of each trainer. Compared are the
-return of the last evaluation and the area under the curve of all evaluations, by interquartile
-means over seeds: the 95 % bootstrap interval of their difference, for which the seeds of both are
-drawn again, shall lie within 10 % of the range from a random policy to the best return. Writes
-results/ppo/against_sb3.csv and docs/pictures/ppo_against_sb3.png.
+Environments under their own rewards, seeds 0 to 9 of each trainer. Compared are the return of the
+last evaluation and the area under the curve of all evaluations, by interquartile means over seeds:
+the 95 % bootstrap interval of their difference, for which the seeds of both are drawn again, shall
+lie within 10 % of the range from a random policy to the best return. Writes
+results/ALGORITHM/against_sb3.csv and docs/pictures/ALGORITHM_against_sb3.png.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import _pendulum  # noqa: F401
 import numpy as np
@@ -26,24 +26,15 @@ import tyro
 from _common import interquartile_mean
 
 ROOT = Path(__file__).parent.parent
-TABLE = ROOT / "results" / "ppo" / "against_sb3.csv"
-PICTURE = ROOT / "docs" / "pictures" / "ppo_against_sb3.png"
 ANYTHING = "signal first = obs[0] in [-10, 10]\nencourage anything: first <= 10\n"
 """A task that ends no episode; the reward `env` does not look at it."""
 EVALUATIONS, EPISODES = 25, 20
 MARGIN = 0.1
 """Of the range from random to best."""
-BOTH: Mapping[str, Any] = {
-    "batch_size": 256,
-    "n_epochs": 10,
-    "ent_coef": 0.0,
-    "scale_reward": True,
-    "net_arch": [64, 64],
-}
-TRAINERS: Mapping[str, Mapping[str, Any]] = {
-    # What Stable-Baselines3 does not do here.
-    "jax": {"normalize_observations": False, "critic_signals": False},
-    "sb3": {},
+TRAINERS: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
+    # What the one does and the other does not.
+    "ppo": {"jax": {"normalize_observations": False, "critic_signals": False}, "sb3": {}},
+    "sac": {"jax": {"overlap": False}, "sb3": {}},
 }
 COLOURS = {"jax": ("#0072b2", "hprs, JAX"), "sb3": ("#d55e00", "Stable-Baselines3")}
 """Of Okabe and Ito's palette."""
@@ -63,33 +54,60 @@ class Contest:
     settings: Mapping[str, Any]
 
 
-CONTESTS: Mapping[str, Contest] = {
-    "CartPole-v1": Contest(
-        "CartPole-v1",
-        steps=100_000,
-        best=500.0,
-        settings={
-            "environments": 8,
-            "n_steps": 128,
-            "learning_rate": 1e-3,
-            "gamma": 0.98,
-            "gae_lambda": 0.9,
-        },
-    ),
-    # Ours scales actions to [-1, 1], theirs does not: with the same deviation it would explore
-    # twice as far.
-    "Pendulum-v1": Contest(
-        "_pendulum:ScaledPendulum-v1",
-        steps=200_000,
-        best=-150.0,
-        settings={
-            "environments": 16,
-            "n_steps": 64,
-            "learning_rate": "linear_0.001",
-            "gamma": 0.9,
-            "gae_lambda": 0.95,
-        },
-    ),
+# Our PPO scales actions to [-1, 1], theirs does not: with the same deviation it would explore
+# twice as far.
+PENDULUM = "_pendulum:ScaledPendulum-v1"
+_OF_PPO: Mapping[str, Any] = {
+    "batch_size": 256,
+    "n_epochs": 10,
+    "ent_coef": 0.0,
+    "scale_reward": True,
+    "net_arch": [64, 64],
+}
+CONTESTS: Mapping[str, Mapping[str, Contest]] = {
+    "ppo": {
+        "CartPole-v1": Contest(
+            "CartPole-v1",
+            steps=100_000,
+            best=500.0,
+            settings={
+                **_OF_PPO,
+                "environments": 8,
+                "n_steps": 128,
+                "learning_rate": 1e-3,
+                "gamma": 0.98,
+                "gae_lambda": 0.9,
+            },
+        ),
+        "Pendulum-v1": Contest(
+            PENDULUM,
+            steps=200_000,
+            best=-150.0,
+            settings={
+                **_OF_PPO,
+                "environments": 16,
+                "n_steps": 64,
+                "learning_rate": "linear_0.001",
+                "gamma": 0.9,
+                "gae_lambda": 0.95,
+            },
+        ),
+    },
+    "sac": {
+        "Pendulum-v1": Contest(
+            PENDULUM,
+            steps=10_000,
+            best=-150.0,
+            settings={
+                "environments": 1,
+                "net_arch": [64, 64],
+                "learning_rate": 1e-3,
+                "learning_starts": 500,
+                "buffer_size": 10_000,
+                "ent_coef": "auto",
+            },
+        ),
+    },
 }
 
 
@@ -97,6 +115,8 @@ CONTESTS: Mapping[str, Contest] = {
 class Against:
     """Train, compare, draw."""
 
+    algorithm: tyro.conf.Positional[Literal["ppo", "sac"]]
+    """Whose trainers are compared."""
     seeds: int = 10
     """Of each trainer, from 0 on."""
     workers: int = 2
@@ -104,7 +124,17 @@ class Against:
     out: Path = Path("runs/against_sb3")
     """Where run directories are made."""
     tables_only: bool = False
-    """Train nothing: compare what results/ppo/against_sb3.csv holds."""
+    """Train nothing: compare what the table holds."""
+
+    @property
+    def table(self) -> Path:
+        """The file of all evaluations."""
+        return ROOT / "results" / self.algorithm / "against_sb3.csv"
+
+    @property
+    def picture(self) -> Path:
+        """The file of the picture."""
+        return ROOT / "docs" / "pictures" / f"{self.algorithm}_against_sb3.png"
 
 
 def train(arguments: Against) -> None:
@@ -116,10 +146,11 @@ def train(arguments: Against) -> None:
     from hprs.training.run_directory import RunDirectory, create_runs, folder_of
 
     rows: list[tuple[str, str, int, int, str]] = []
-    for name, contest in CONTESTS.items():
-        for trainer in TRAINERS:
+    for name, contest in CONTESTS[arguments.algorithm].items():
+        for trainer in COLOURS:
             configurations = [
-                configuration_of(contest, trainer, seed) for seed in range(arguments.seeds)
+                configuration_of(arguments.algorithm, contest, trainer, seed)
+                for seed in range(arguments.seeds)
             ]
             paths = [folder_of(one, arguments.out) / f"seed-{one.seed}" for one in configurations]
             new = [
@@ -136,14 +167,14 @@ def train(arguments: Against) -> None:
                 for step, mean in evaluations(run.path / "evaluations.csv"):
                     seed = run.configuration.seed
                     rows.append((name, trainer, seed, step, f"{mean:.2f}"))
-    TABLE.parent.mkdir(parents=True, exist_ok=True)
-    with TABLE.open("w", newline="", encoding="utf-8") as file:
+    arguments.table.parent.mkdir(parents=True, exist_ok=True)
+    with arguments.table.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(("environment", "trainer", "seed", "step", "return"))
         writer.writerows(rows)
 
 
-def configuration_of(contest: Contest, trainer: str, seed: int) -> Any:
+def configuration_of(algorithm: str, contest: Contest, trainer: str, seed: int) -> Any:
     """One training."""
     from hprs.training.configure import configure
 
@@ -154,9 +185,9 @@ def configuration_of(contest: Contest, trainer: str, seed: int) -> Any:
             contest.environment,
             task_path=str(task),
             reward="env",
-            algorithm="ppo",
+            algorithm=algorithm,
             trainer=trainer,
-            settings={**BOTH, **contest.settings, **TRAINERS[trainer]},
+            settings={**contest.settings, **TRAINERS[algorithm][trainer]},
             steps=contest.steps,
             evaluation_interval=contest.steps // EVALUATIONS,
             evaluation_episodes=EPISODES,
@@ -173,10 +204,10 @@ def evaluations(path: Path) -> list[tuple[int, float]]:
     return [(step, float(np.mean(totals))) for step, totals in found.items()]
 
 
-def read(name: str) -> Curves:
+def read(table: Path, name: str) -> Curves:
     """The curves of an environment, from the table."""
-    points: dict[str, dict[int, list[tuple[int, float]]]] = {trainer: {} for trainer in TRAINERS}
-    with TABLE.open(encoding="utf-8") as file:
+    points: dict[str, dict[int, list[tuple[int, float]]]] = {trainer: {} for trainer in COLOURS}
+    with table.open(encoding="utf-8") as file:
         for row in csv.DictReader(file):
             if row["environment"] == name:
                 curve = points[row["trainer"]].setdefault(int(row["seed"]), [])
@@ -225,11 +256,11 @@ def difference(ours: np.ndarray, theirs: np.ndarray) -> tuple[float, float, floa
     return float(interquartile_mean(ours) - interquartile_mean(theirs)), float(low), float(high)
 
 
-def print_table() -> None:
+def print_table(arguments: Against) -> None:
     """Print what docs/benchmarks.md shows."""
     print("| | JAX | SB3 | difference, % of the range | within 10 % |\n|---|---|---|---|---|")
-    for name, contest in CONTESTS.items():
-        bottom, curves = random_return(contest), read(name)
+    for name, contest in CONTESTS[arguments.algorithm].items():
+        bottom, curves = random_return(contest), read(arguments.table, name)
         span = contest.best - bottom
         for what, measure in (
             ("final return", lambda steps, returns: float(returns[-1])),
@@ -248,16 +279,21 @@ def print_table() -> None:
             )
 
 
-def draw() -> None:
+def draw(arguments: Against) -> None:
     """Draw both curves: means over seeds, and their 95 % bootstrap intervals."""
     import matplotlib
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    figure, axes = plt.subplots(1, len(CONTESTS), figsize=(10, 3.6), layout="constrained")
-    for axis, name in zip(axes, CONTESTS, strict=True):
-        for trainer, curves in read(name).items():
+    names = list(CONTESTS[arguments.algorithm])
+    size = (5 * len(names), 3.6)
+    figure, all_axes = plt.subplots(
+        1, len(names), figsize=size, layout="constrained", squeeze=False
+    )
+    axes = all_axes[0]
+    for axis, name in zip(axes, names, strict=True):
+        for trainer, curves in read(arguments.table, name).items():
             steps = next(iter(curves.values()))[0]
             heights = np.stack([np.interp(steps, *curve) for curve in curves.values()])
             colour, label = COLOURS[trainer]
@@ -270,7 +306,7 @@ def draw() -> None:
         axis.grid(alpha=0.3)
         axis.spines[["top", "right"]].set_visible(False)
     axes[0].legend(frameon=False, loc="lower right")
-    figure.savefig(PICTURE, dpi=110)
+    figure.savefig(arguments.picture, dpi=110)
 
 
 def interval_of_mean(heights: np.ndarray) -> Sequence[np.ndarray]:
@@ -286,5 +322,5 @@ if __name__ == "__main__":
     chosen = tyro.cli(Against)
     if not chosen.tables_only:
         train(chosen)
-    print_table()
-    draw()
+    print_table(chosen)
+    draw(chosen)
