@@ -16,6 +16,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping
+from itertools import pairwise
 from typing import Any
 
 ROUNDS = 2
@@ -64,7 +65,7 @@ def ours(environment: str, members: int = 1, **settings: Any) -> dict[str, float
     )
 
     def advance() -> int:
-        session.advance(session.step + 1)
+        session.advance(session.step + 1_000)
         jax.block_until_ready(session.learned(0))
         return session.step
 
@@ -120,7 +121,7 @@ def products(environment: str) -> dict[str, float]:
     def passes(sizes: list[int]) -> list[tuple[np.ndarray, np.ndarray]]:
         return [
             (np.ones((rows, a), np.float32), np.ones((a, b), np.float32))
-            for a, b in zip(sizes, sizes[1:], strict=False)
+            for a, b in pairwise(sizes)
         ]
 
     policy = passes([seen, *hidden, 2 * outputs])

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -34,8 +34,21 @@ from hprs.wrappers.single import TaskWrapper
 
 ARRAYS, COUNTS = "environments.npz", "counts.json"
 
-ROUNDS_A_CALL = 64
-"""Rounds after which whoever watches hears of the progress."""
+CHUNK = 32
+"""Rounds whose random numbers are drawn together, and after which a watcher hears of them."""
+
+
+class Draws(NamedTuple):
+    """All that is random in some rounds, (CHUNK, ...)."""
+
+    noise: np.ndarray
+    """Of actions, (T, N, m)."""
+    anything: np.ndarray
+    """Actions before learning starts, (T, N, m)."""
+    bits: np.ndarray
+    """That choose transitions, (G, B)."""
+    update: np.ndarray
+    """Noise of updates, (G, 2, B, m)."""
 
 
 class HostSession(SacSession):
@@ -74,7 +87,9 @@ class HostSession(SacSession):
         self._draw = jax.jit(self._drawn)
         self._check = jax.jit(holds_numbers)
         self._report: Report | None = None
-        self._rounds, self._step = 0, 0
+        self._rounds, self._step, self._count = 0, 0, 0
+        self._draws: tuple[int, Draws] | None = None
+        self._batches: list[Batch] = []
         environments.reset(configuration.seed)
 
     @property
@@ -99,6 +114,8 @@ class HostSession(SacSession):
         self.member = unpack_tree(contents[STATE], self.member)
         kept = json.loads(contents[COUNTS])
         self._step, self._rounds = kept["step"], kept["rounds"]
+        self._count = self._rounds * self.shape.settings.train_freq
+        self._batches = []
         return self._environments.restore({**kept["environments"], **unpack(contents[ARRAYS])})
 
     def capture(self, member: int) -> dict[str, bytes]:
@@ -118,60 +135,64 @@ class HostSession(SacSession):
 
     def ring(self, member: int) -> HostRing:
         """Its transitions."""
-        return HostRing(self._buffer, self._rounds * self.shape.settings.train_freq)
+        return HostRing(self._buffer, self._count)
 
     def advance(self, until: int) -> None:
-        """Some rounds."""
-        for _ in range(ROUNDS_A_CALL):
+        """Rounds to the end of a chunk, or until a step is reached."""
+        self._play_round()
+        while self._rounds % CHUNK and self._step < until:
             self._play_round()
-            if self._step >= until:
-                break
 
     def _play_round(self) -> None:
         """Steps of all environments, and updates beside the last of them."""
-        s, count = self.shape.settings, self._rounds * self.shape.settings.train_freq
-        noise, anything, bits, update = self._draw(self.member.key, self._rounds)
-        drawn = np.asarray(bits)
+        s, draws, number = self.shape.settings, self._drawn_for(self._rounds), self._rounds % CHUNK
         for time in range(s.train_freq):
-            action, given = self._chosen(noise[time], anything[time])
-            last = time == s.train_freq - 1
-            # What is known already; the transition to come is not.
-            early = last and s.overlap and self._learns(count)
+            action, given = self._chosen(draws.noise[number, time], draws.anything[number, time])
+            early = s.overlap and time == s.train_freq - 1
             if early:
-                self._learn(drawn, update, count)
-            seen = self._environments.seen
+                # It was drawn while the last update went on; the transition to come is not in it.
+                self._learn(self._batches or self._sampled(self._rounds), draws.update[number])
+            seen = self._environments.seen.observation
             made = self._environments.step(given)
-            self._remember(seen.observation, action, made, count)
-            count += 1
+            self._remember(seen, action, made)
             self._step += int(made.valid.sum())
-            if last and not early and self._learns(count):
-                self._learn(drawn, update, count)
+        if not s.overlap:
+            self._learn(self._sampled(self._rounds), draws.update[number])
         self._rounds += 1
+        self._batches = self._sampled(self._rounds) if s.overlap else []
 
-    def _learns(self, count: int) -> bool:
-        return count * self.shape.settings.environments > self.shape.settings.learning_starts
+    def _sampled(self, rounds: int) -> list[Batch]:
+        """The batches of a round, of all that is remembered now; none before learning starts."""
+        s = self.shape.settings
+        if self._count * s.environments <= s.learning_starts:
+            return []
+        bits = self._drawn_for(rounds).bits[rounds % CHUNK]
+        found = [sampled(self._buffer, self._frames, b[None], self._count, 1, np) for b in bits]
+        return [Batch(*(column[0] for column in batch)) for batch in found]
 
-    def _chosen(self, noise: Array, anything: Array) -> tuple[np.ndarray, np.ndarray]:
-        """Actions in [-1, 1], and as the environments take them."""
-        if self._step < self.shape.settings.learning_starts:
-            action = anything
-            given = self.shape.actions.for_environment(action)
-            return np.asarray(action), np.asarray(given)
-        return jax.device_get(self._act(self.member, self._environments.seen.observation, noise))
-
-    def _learn(self, bits: np.ndarray, noise: Array, count: int) -> None:
+    def _learn(self, batches: Sequence[Batch], noise: np.ndarray) -> None:
         """Begin the updates of a round; the device works while this goes on."""
-        for some, of_it in zip(bits, noise, strict=True):
-            batch = sampled(self._buffer, self._frames, some[None], count, 1, np)
-            batch = Batch(*(column[0] for column in batch))
+        for batch, of_it in zip(batches, noise, strict=False):
             self.member, self._report = self._update(
-                self.member, batch, of_it, self._weights, jnp.float32(self._step)
+                self.member, batch, of_it, self._weights, np.float32(self._step)
             )
 
-    def _remember(
-        self, observation: np.ndarray, action: np.ndarray, made: Transition, count: int
-    ) -> None:
-        at = count % len(self._buffer.reward)
+    def _chosen(self, noise: np.ndarray, anything: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Actions in [-1, 1], and as the environments take them."""
+        if self._step < self.shape.settings.learning_starts:
+            return anything, np.asarray(self.shape.actions.for_environment(jnp.asarray(anything)))
+        return jax.device_get(self._act(self.member, self._environments.seen.observation, noise))
+
+    def _drawn_for(self, rounds: int) -> Draws:
+        """The random numbers of a round's chunk; they depend on the seed and on nothing else."""
+        chunk = rounds // CHUNK
+        if self._draws is None or self._draws[0] != chunk:
+            found = self._draw(self.member.key, chunk)
+            self._draws = chunk, Draws(*map(np.asarray, found))
+        return self._draws[1]
+
+    def _remember(self, observation: np.ndarray, action: np.ndarray, made: Transition) -> None:
+        at = self._count % len(self._buffer.reward)
         row = Buffer(
             frame=frame_of(observation, self._frames),
             reached=frame_of(made.reached.observation, self._frames),
@@ -184,6 +205,7 @@ class HostSession(SacSession):
         )
         for all_, one in zip(self._buffer, row, strict=True):
             all_[at] = one
+        self._count += 1
 
     def evaluate(self, seeds: Sequence[int], watch: Any) -> list[list[Episode]]:
         """Run the policy on one episode a seed, some at a time."""
@@ -203,16 +225,16 @@ class HostSession(SacSession):
     ) -> tuple[Member, Report]:
         return self.shape.update(member, batch, noise, weights, made)
 
-    def _drawn(self, key: Array, rounds: Array) -> tuple[Array, Array, Array, Array]:
-        """The random numbers of a round; they depend on nothing but the seed and its number."""
+    def _drawn(self, key: Array, chunk: Array) -> tuple[Array, Array, Array, Array]:
         s, outputs = self.shape.settings, self.shape.actions.outputs
-        keys = jax.random.split(jax.random.fold_in(jax.random.wrap_key_data(key), rounds), 4)
-        steps = s.train_freq, s.environments, outputs
+        keys = jax.random.split(jax.random.fold_in(jax.random.wrap_key_data(key), chunk), 4)
+        steps = CHUNK, s.train_freq, s.environments, outputs
+        updates = CHUNK, s.gradient_steps
         return (
             jax.random.normal(keys[0], steps),
             jax.random.uniform(keys[1], steps, minval=-1.0, maxval=1.0),
-            jax.random.bits(keys[2], (s.gradient_steps, s.batch_size), jnp.uint32),
-            jax.random.normal(keys[3], (s.gradient_steps, 2, s.batch_size, outputs)),
+            jax.random.bits(keys[2], (*updates, s.batch_size), jnp.uint32),
+            jax.random.normal(keys[3], (*updates, 2, s.batch_size, outputs)),
         )
 
 
