@@ -1,12 +1,14 @@
-"""Compares rewards with PPO: trains what is missing, assesses the last policies, writes tables.
+"""Compares rewards: trains what is missing, assesses the last policies, writes tables.
 
     .venv/bin/python benchmarks/study.py hprs/SafeDriving-v0 hprs env tltl
     .venv/bin/python benchmarks/study.py hprs/SafeDriving-v0          # every condition
+    .venv/bin/python benchmarks/study.py hprs/SafeDriving-v0 hprs:paper --algorithm sac \
+        --steps 20000 --seeds 5 --env tracks=gm
 
 A condition is a reward, `hprs:released` for another end of the episode, and settings behind that,
 as in `hprs:paper:gamma=0.999`; `blind` stands for a critic that does not see the task's signals.
 What was trained before is not trained again, and Ctrl-C loses nothing: the same command goes on.
-Below results/ppo/ it leaves for each environment
+Below results/ALGORITHM/ it leaves for each environment
 
     policies.csv    a row a policy: S, S+T, S+T+C, PAM and every requirement over 50 episodes
     curves.csv      a row an evaluation during the training: mean PAM, S, S+T and S+T+C
@@ -28,7 +30,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Literal, cast
 
 import numpy as np
 import tyro
@@ -43,8 +45,13 @@ from hprs.training.evaluation import FINAL_SEEDS, episode_seeds, evaluate
 from hprs.training.run_directory import RunDirectory, folder_of
 from hprs.training.trained import load_policy
 
-RESULTS = Path(__file__).parent.parent / "results" / "ppo"
-EVALUATE_EVERY = {"hprs/SafeDriving-v0": 2_000, "hprs/FollowLeader-v0": 2_000}
+RESULTS = Path(__file__).parent.parent / "results"
+EVALUATE_EVERY = {
+    ("ppo", "hprs/SafeDriving-v0"): 2_000,
+    ("ppo", "hprs/FollowLeader-v0"): 2_000,
+    ("sac", "hprs/SafeDriving-v0"): 500,
+    ("sac", "hprs/FollowLeader-v0"): 500,
+}
 """Steps between evaluations, ten times as many after the 50th; elsewhere the default."""
 BLIND = "critic_signals=false"
 ENOUGH = 0.9
@@ -81,6 +88,10 @@ class Study:
 
     environment: tyro.conf.Positional[str]
     conditions: tyro.conf.Positional[tuple[str, ...]] = CONDITIONS
+    algorithm: Literal["ppo", "sac"] = "ppo"
+    """What learns."""
+    env: tuple[str, ...] = ()
+    """Options of the environment, KEY=VALUE."""
     seeds: int = 10
     """Training seeds, from 0 on."""
     steps: int | None = None
@@ -95,6 +106,18 @@ class Study:
     """Where run directories are made."""
     tables_only: bool = False
     """Train and assess nothing: print the tables of what is there."""
+
+    @property
+    def folder(self) -> Path:
+        """Where the results are."""
+        name = self.environment.partition("/")[2].partition("-")[0].lower()
+        options = [str(value) for value in parse_settings(self.env, "--env").values()]
+        return RESULTS / self.algorithm / "-".join([name, *options])
+
+    @property
+    def interval(self) -> int | None:
+        """Steps between evaluations; None: the default."""
+        return EVALUATE_EVERY.get((self.algorithm, self.environment))
 
 
 @dataclass(frozen=True)
@@ -146,9 +169,11 @@ def trained(study: Study, condition: Condition) -> list[RunDirectory]:
             study.environment,
             reward=condition.reward,
             end=condition.end,
+            algorithm=study.algorithm,
+            environment_options=parse_settings(study.env, "--env"),
             settings=settings,
             steps=study.steps,
-            evaluation_interval=EVALUATE_EVERY.get(study.environment),
+            evaluation_interval=study.interval,
             seed=seed,
         )
         for seed in range(study.seeds)
@@ -160,6 +185,8 @@ def trained(study: Study, condition: Condition) -> list[RunDirectory]:
     else:
         call += [study.environment, "--reward", condition.reward, "--end", condition.end]
         call += ["--seeds", str(study.seeds), "--out", str(study.out)]
+        call += ["--algorithm", study.algorithm]
+        call += [part for option in study.env for part in ("--env", option)]
         call += [
             part
             for key, value in settings.items()
@@ -167,7 +194,7 @@ def trained(study: Study, condition: Condition) -> list[RunDirectory]:
         ]
         for option, value in (
             ("--steps", study.steps),
-            ("--evaluate-every", EVALUATE_EVERY.get(study.environment)),
+            ("--evaluate-every", study.interval),
         ):
             call += [] if value is None else [option, str(value)]
     code = subprocess.run([*call, "--workers", str(study.workers)], check=False).returncode
@@ -280,7 +307,7 @@ def print_table(rows: Sequence[dict[str, str]]) -> None:
 
 def main(study: Study) -> None:
     """Run the study."""
-    folder = RESULTS / study.environment.partition("/")[2].partition("-")[0].lower()
+    folder = study.folder
     policies, curves = folder / "policies.csv", folder / "curves.csv"
     for text in () if study.tables_only else study.conditions:
         condition = parsed(text)
