@@ -131,7 +131,7 @@ class SquashedActions:
 
     def for_environment(self, actions: Array) -> Array:
         """Scaled to the bounds, in the environment's shape."""
-        low, high = np.asarray(self.low, np.float32), np.asarray(self.high, np.float32)
+        low, high = jnp.asarray(self.low), jnp.asarray(self.high)
         scaled = (low + high) / 2 + (high - low) / 2 * actions
         return scaled.reshape(*actions.shape[:-1], *self.shape)
 

@@ -91,13 +91,16 @@ def _inherited(
             continue
         found[trainer] = {}
         for name, table in own.items():
-            model = table.pop(_LIKE, None)
-            if model is not None and model not in tables[OWNER]:
+            found[trainer][name] = table
+            if _LIKE not in table:
+                continue
+            model = table.pop(_LIKE)
+            if model not in tables[OWNER]:
                 raise UsageError(
                     f"{path}: '{trainer}.{name}.{_LIKE}' must name a table of the file, "
                     f"{' or '.join(tables[OWNER]) or 'of which there is none'}, got {model!r}."
                 )
-            found[trainer][name] = {**tables[OWNER].get(model, {}), **table}
+            found[trainer][name] = {**tables[OWNER][model], **table}
     return found
 
 

@@ -20,7 +20,7 @@ from stable_baselines3.common.type_aliases import ReplayBufferSamples
 from hprs.training.actions import squashed_actions_of
 from hprs.training.networks import Layer
 from hprs.training.sac import learner
-from hprs.training.sac.learner import Batch, Member, Parameters, Shape, Weights
+from hprs.training.sac.learner import Batch, Member, Optimisers, Parameters, Shape, Weights
 from hprs.training.sac.settings import Settings
 
 SIZE, ROWS, OUTPUTS = 3, 64, 2
@@ -155,7 +155,7 @@ def begin(model):
     return Member(
         parameters=made,
         targets=targets_of(model),
-        optimiser=Parameters(*map(learner.OPTIMISER.init, made)),
+        optimiser=Optimisers(*map(learner.OPTIMISER.init, made)),
         key=jnp.zeros(2, jnp.uint32),
     )
 

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
 
+from hprs.spec.namespace import Array
 from hprs.training.frames import Frames
 from hprs.training.sac.learner import Batch
 

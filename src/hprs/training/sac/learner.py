@@ -37,14 +37,21 @@ class Parameters(NamedTuple):
     """Logarithm of the entropy coefficient, ()."""
 
 
+class Optimisers(NamedTuple):
+    """The states of the optimisers of each of the parameters."""
+
+    policy: Any
+    critics: Any
+    log_entropy: Any
+
+
 class Member(NamedTuple):
     """One member of a population, between two updates."""
 
     parameters: Parameters
     targets: tuple[Network, Network]
     """The critics as the targets see them."""
-    optimiser: Any
-    """Its state, for each of the parameters."""
+    optimiser: Optimisers
     key: Array
     """Data of the JAX key for what is still to be drawn, (2,) uint32."""
 
@@ -120,7 +127,7 @@ class Shape:
             parameters=made,
             # Of their own: what is updated in place must be there once.
             targets=jax.tree.map(jnp.copy, made.critics),
-            optimiser=Parameters(*map(OPTIMISER.init, made)),
+            optimiser=Optimisers(*map(OPTIMISER.init, made)),
             key=jnp.asarray(of_key.generate_state(2, np.uint32)),
         )
 
@@ -209,7 +216,7 @@ class Shape:
         member = member._replace(
             parameters=Parameters(policy, critics, log_entropy),
             targets=targets,
-            optimiser=Parameters(policy_state, critic_state, entropy_state),
+            optimiser=Optimisers(policy_state, critic_state, entropy_state),
         )
         return member, report
 
@@ -226,8 +233,11 @@ class Shape:
 
     def critic_loss(self, critics: tuple[Network, Network], batch: Batch, target: Array) -> Array:
         """Half of the squared errors of both critics."""
-        errors = [value - target for value in _values(critics, batch.observation, batch.action)]
-        return 0.5 * sum(_mean(error**2, batch.valid) for error in errors)
+        one, other = (
+            _mean((value - target) ** 2, batch.valid)
+            for value in _values(critics, batch.observation, batch.action)
+        )
+        return 0.5 * (one + other)
 
     def policy_loss(
         self,
