@@ -136,7 +136,7 @@ def test_a_built_in_environment_takes_another_task(hprs, here):
         (["train", "hprs/CartPole-v0", "--set", "lr=1"], "ppo has no hyper-parameter 'lr'."),
         (["train", "hprs/CartPole-v0", "--algorithm", "sac"], "sac cannot handle actions of a Discrete space; choose one of ppo, a2c, dqn."),
         (["train", "hprs/CartPole-v0", "--trainer", "jaxx"], "unknown trainer 'jaxx'; choose one of jax, sb3. Did you mean 'jax'?"),
-        (["train", "hprs/CartPole-v0", "--trainer", "jax", "--algorithm", "dqn"], "the trainer jax has no dqn; it has ppo. For dqn: --trainer sb3."),
+        (["train", "hprs/CartPole-v0", "--trainer", "jax", "--algorithm", "dqn"], "the trainer jax has no dqn; it has ppo, sac. For dqn: --trainer sb3."),
         (["train", "hprs/CartPole-v0", "--workers", "-1"], "--workers takes a number from 0 on, got -1."),
         (["train", "hprs/CartPole-v0", "--reward", "hprs,evn"], "unknown reward 'evn'; choose one of"),
         (["train", "hprs/CartPole-v0", "--end", "paper,invarian"], "unknown end 'invarian'; choose one of paper, invariant, released. Did you mean 'invariant'?"),
