@@ -18,10 +18,10 @@ import numpy as np
 from hprs.training.checkpoint import Checkpoint, Progress
 from hprs.training.configure import configure
 from hprs.training.listener import Silence
-from hprs.training.replay import Segment, prune, write_segments
+from hprs.training.replay import Segment
 from hprs.training.run_directory import RunDirectory, create_runs
 from hprs.training.sb3.model import make_model, make_vector
-from hprs.training.sb3.state import capture
+from hprs.training.sb3.state import capture, replay_ring
 from hprs.training.sb3.training import open_model
 
 INTERVAL = 10_000
@@ -42,12 +42,9 @@ def fill(model: Any, count: int) -> None:
 
 def checkpoint(run: RunDirectory, model: Any, known: tuple[Segment, ...]) -> tuple[Segment, ...]:
     """Save a training as it does itself."""
-    contents = capture(model)
-    segments = write_segments(run.replay, model.replay_buffer, model.num_timesteps, known)
     progress = Progress(step=model.num_timesteps)
-    run.save(Checkpoint(progress, "", contents, segments), evaluated=False)
-    prune(run.replay, segments)
-    return segments
+    saved = Checkpoint(progress, "", capture(model), known)
+    return run.save(saved, evaluated=False, ring=replay_ring(model)).segments
 
 
 def timed(work: Callable[[], Any]) -> tuple[float, Any]:
@@ -67,7 +64,11 @@ def measure(transitions: int, folder: Path, repeats: int) -> None:
     """Print every figure."""
     settings = {"buffer_size": transitions, "net_arch": [256, 256]}
     configuration = configure(
-        "hprs/BipedalWalker-v0", algorithm="sac", settings=settings, steps=10 * transitions
+        "hprs/BipedalWalker-v0",
+        algorithm="sac",
+        trainer="sb3",
+        settings=settings,
+        steps=10 * transitions,
     )
     [run] = create_runs([configuration], folder)
     environments = make_vector(configuration)

@@ -8,13 +8,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import torch
+import numpy as np
 
 from hprs.training import sb3
 from hprs.training.configuration import Configuration
 from hprs.training.configure import configure
 from hprs.training.listener import Silence
 from hprs.training.run_directory import RunDirectory
+from hprs.training.trained import load_policy
+from tests.training.ppo.point import ID, TASK
 
 CART_POLE = "hprs/CartPole-v0"
 
@@ -63,6 +65,33 @@ def off_policy(
     )
 
 
+def jax_ppo(folder: Path, *, device: bool) -> Configuration:
+    """Four environments, an evaluation every other rollout."""
+    small = {"environments": 4, "n_steps": 8, "batch_size": 16, "n_epochs": 2, "net_arch": [8]}
+    return _jax(folder, "ppo", small, device=device)
+
+
+def jax_sac(folder: Path, *, device: bool) -> Configuration:
+    """Two environments, a buffer that is shorter than the training."""
+    small = {"environments": 2, "learning_starts": 40, "buffer_size": 150, "batch_size": 16}
+    return _jax(folder, "sac", {**small, "net_arch": [8], "gradient_steps": 2}, device=device)
+
+
+def _jax(folder: Path, algorithm: str, settings: Any, *, device: bool) -> Configuration:
+    task = folder / "task.hprs"
+    task.write_text(TASK if device else MOUNTAIN)
+    return configure(
+        ID if device else "MountainCarContinuous-v0",
+        task_path=str(task),
+        algorithm=algorithm,
+        settings=settings,
+        horizon=25,
+        steps=384,
+        evaluation_interval=64,
+        evaluation_episodes=2,
+    )
+
+
 class Interrupter(Silence):
     """Sends a signal after a number of steps, as Ctrl-C would."""
 
@@ -100,7 +129,14 @@ def table(run: RunDirectory) -> str:
 
 def same_numbers(one: RunDirectory, two: RunDirectory) -> bool:
     """Whether tables and final weights of two runs are equal bit for bit."""
-    weights = [sb3.load_policy(run, "last").model.policy.state_dict() for run in (one, two)]
+    weights = [_weights(run) for run in (one, two)]
     return table(one) == table(two) and all(
-        torch.equal(value, weights[1][name]) for name, value in weights[0].items()
+        np.array_equal(*pair) for pair in zip(*weights, strict=True)
     )
+
+
+def _weights(run: RunDirectory) -> list[Any]:
+    if run.configuration.trainer == "jax":
+        policy: Any = load_policy(run, "last")
+        return [array for layer in policy.layers for array in layer]
+    return list(sb3.load_policy(run, "last").model.policy.state_dict().values())

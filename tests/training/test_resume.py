@@ -2,6 +2,7 @@
 
 import json
 import signal
+from functools import partial
 
 import gymnasium as gym
 import numpy as np
@@ -10,12 +11,15 @@ from gymnasium import spaces
 
 from hprs.training import episode_log, sb3
 from hprs.training.run_directory import RunDirectory, create_runs
+from hprs.training.trainers import trainer_of
 
 from .small import (
     CART_POLE,
     Interrupter,
     Killer,
     configure_sb3,
+    jax_ppo,
+    jax_sac,
     off_policy,
     ppo,
     same_numbers,
@@ -25,20 +29,21 @@ from .small import (
 
 def trained(configuration, folder):
     [run] = create_runs([configuration], folder)
-    assert sb3.train(run)
+    assert trainer_of(configuration)(run)
     return run
 
 
 def interrupted(configuration, folder, steps=(30, 70, 110, 150, 200)):
     """Stopped by Ctrl-C and by death in turn, and then trained to its end."""
     [run] = create_runs([configuration], folder)
+    train = trainer_of(configuration)
     for count, step in enumerate(steps):
         if count % 2:
             with pytest.raises(MemoryError):
-                sb3.train(run, Killer(step))
+                train(run, Killer(step))
         else:
-            assert not sb3.train(run, Interrupter(step))
-    assert sb3.train(run)
+            assert not train(run, Interrupter(step))
+    assert train(run)
     return run
 
 
@@ -81,6 +86,10 @@ CASES = {
         evaluation_interval=90,
         evaluation_episodes=2,
     ),
+    "jax ppo, device": partial(jax_ppo, device=True),
+    "jax ppo, host": partial(jax_ppo, device=False),
+    "jax sac, device": partial(jax_sac, device=True),
+    "jax sac, host": partial(jax_sac, device=False),
 }  # fmt: skip
 
 
