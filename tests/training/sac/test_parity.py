@@ -120,23 +120,20 @@ class Fed:
     """Feeds batches and noise to their `train`."""
 
     def __init__(self, model, monkeypatch):
-        self.model, self.noise = model, []
+        self.model, self.noises = model, iter(())
         # It would make observations float32.
         monkeypatch.setattr(policies, "preprocess_obs", lambda seen, *_, **__: seen)
-        monkeypatch.setattr(DiagGaussianDistribution, "sample", self.sample)
+        monkeypatch.setattr(
+            DiagGaussianDistribution, "sample", lambda distribution: self.sample(distribution)
+        )
         monkeypatch.setattr(model.replay_buffer, "sample", lambda *_, **__: self.batch)
 
-    def sample(self):
-        raise NotImplementedError
+    def sample(self, distribution):
+        normal = distribution.distribution
+        return normal.mean + normal.stddev * next(self.noises)
 
     def train(self, batch, noise):
-        noises = iter(torch.as_tensor(noise))
-
-        def sample(distribution):
-            normal = distribution.distribution
-            return normal.mean + normal.stddev * next(noises)
-
-        DiagGaussianDistribution.sample = sample
+        self.noises = iter(torch.as_tensor(noise))
         column = [torch.as_tensor(x).double() for x in batch]
         seen, action, reward, terminated, _, _, reached = column
         self.batch = ReplayBufferSamples(
