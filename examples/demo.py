@@ -12,13 +12,12 @@ import os
 import shutil
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import numpy as np
 import tyro
-from storyboard import film, make_drawable, play
 
 from hprs.cli.console import console
 from hprs.cli.evaluate import Evaluate
@@ -26,6 +25,10 @@ from hprs.cli.inputs import Constants
 from hprs.cli.measures_table import print_measures, print_notes
 from hprs.cli.progress import TrainingProgress
 from hprs.errors import HprsError
+from hprs.explanation.episode import record
+from hprs.explanation.explanation import explain
+from hprs.explanation.film import VIDEO
+from hprs.explanation.video import write_video
 from hprs.spec.parameters import parse_constants
 from hprs.training.configure import configure
 from hprs.training.environment import make_configured
@@ -38,11 +41,12 @@ from hprs.training.trainers import trainer_of
 
 if TYPE_CHECKING:
     from hprs.training.run_directory import Which
+    from hprs.wrappers.single import TaskWrapper
 
 WHICH = cast("Which", Evaluate.which)
 """The policy that is assessed and filmed: what `hprs evaluate` assesses too."""
-FILM_WIDTH = 480
-"""Of the scene in the film, in pixels."""
+FILM_SIZE = (480, 360)
+"""Width and height of the scene in the film at most, in pixels."""
 NEAR = ("hprs/SafeDriving-v0", "hprs/FollowLeader-v0")
 """Environments that are filmed from near, around the car."""
 
@@ -160,19 +164,17 @@ def draw_learning_curve(run: RunDirectory, path: Path) -> Path:
 
 
 def film_episode(run: RunDirectory, path: Path) -> Path:
-    """Film one episode, with the state of every requirement below the scene."""
+    """Film one episode, with the state of every requirement beside the scene."""
     # Pygame draws into memory; no window is needed.
     os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
     configuration = run.configuration
     camera = {"camera": "follow"} if configuration.environment in NEAR else {}
-    environment = make_drawable(
-        configuration.environment,
-        configuration.task,
-        {**configuration.environment_options, **camera},
-        configuration.horizon,
-    )
-    moments = play(environment, load_policy(run, WHICH), FINAL_SEEDS, FILM_WIDTH)
-    film(moments, environment.metadata["render_fps"], path)
+
+    def make(**options: Any) -> TaskWrapper:
+        return make_configured(configuration, **camera, **options)
+
+    played = record(make, load_policy(run, WHICH), FINAL_SEEDS, replace(VIDEO, size=FILM_SIZE))
+    write_video(explain(configuration.task, played.trace, rate=played.rate), played.film, path)
     return path
 
 

@@ -1,18 +1,18 @@
 """Pictures of an episode: small, and few enough."""
 
 import io
+from dataclasses import replace
 
 import numpy as np
 from PIL import Image
 
-from hprs.explanation import film
-from hprs.explanation.film import Film, encoded
+from hprs.explanation.film import PAGE, Film, encoded
 
 GREY = np.full((40, 60, 3), 128, np.uint8)
 
 
-def played(steps):
-    found = Film()
+def played(steps, **stock):
+    found = Film(replace(PAGE, **stock))
     for step in range(steps + 1):
         if found.wants(step) or step == steps:
             found.add(step, GREY)
@@ -23,17 +23,16 @@ def test_a_short_film_has_every_step():
     assert [frame.step for frame in played(20).frames] == list(range(21))
 
 
-def test_a_long_film_has_every_second_fourth_and_so_on_and_the_last(monkeypatch):
-    monkeypatch.setattr(film, "MOST", 10)
-    found = played(35)
+def test_a_long_film_has_every_second_fourth_and_so_on_and_the_last():
+    found = played(35, most=10)
     assert found.every == 4
     assert [frame.step for frame in found.frames] == [0, 4, 8, 12, 16, 20, 24, 28, 32, 35]
 
 
-def test_a_film_keeps_within_its_bytes(monkeypatch):
-    monkeypatch.setattr(film, "BUDGET", 12 * len(encoded(GREY)))
-    found = played(100)
-    assert sum(len(frame.data) for frame in found.frames) <= film.BUDGET
+def test_a_film_keeps_within_its_bytes():
+    budget = 12 * len(encoded(GREY))
+    found = played(100, budget=budget)
+    assert sum(len(frame.data) for frame in found.frames) <= budget
     assert found.frames[-1].step == 100
 
 

@@ -1,4 +1,4 @@
-"""What the subcommands share that let a run's policy act: its environment, and the policy."""
+"""What the subcommands share that let a policy act: its environment, and the policy."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from hprs.errors import UsageError, did_you_mean
 
 if TYPE_CHECKING:
+    from hprs.training.policies import Policy
     from hprs.training.run_directory import RunDirectory, Which
     from hprs.wrappers.single import TaskWrapper
 
@@ -72,3 +73,76 @@ def environment_of(
         )
 
     return make
+
+
+def named_environment(
+    name: str,
+    *,
+    task_path: str | None,
+    constants: Sequence[str],
+    options: Sequence[str],
+    horizon: int | None,
+) -> Callable[..., TaskWrapper]:
+    """Makes an environment that the user names.
+
+    Args:
+        name: Gymnasium id, or `module:id`.
+        task_path: A task file; None: the benchmark's own task.
+        constants: Other values for constants of the task, as `NAME=VALUE`.
+        options: Options of the environment, as `KEY=VALUE`.
+        horizon: Another horizon.
+
+    Raises:
+        UsageError: The environment, an option or a file does not exist.
+        SpecError: The task is wrong, or has no such constant.
+    """
+    from hprs.spec.parameters import parse_constants
+    from hprs.training.algorithms import parse_settings
+    from hprs.training.environment import check_options, find_task, make_environment
+
+    task, _ = find_task(name, task_path, parse_constants(constants))
+    given = parse_settings(options, "--env")
+    check_options(name, given)
+
+    def make(**more: Any) -> TaskWrapper:
+        return make_environment(name, task, "sparse", horizon=horizon, **{**given, **more})
+
+    return make
+
+
+def policies_of_runs(
+    runs: Sequence[RunDirectory], which: Which, make: Callable[[], TaskWrapper]
+) -> dict[str, Policy]:
+    """The policies of runs by the names of their seeds.
+
+    Args:
+        runs: One for each seed.
+        which: The last or the best policy.
+        make: Makes the environment in which they shall act.
+
+    Raises:
+        RunError: A run has no such policy.
+        PolicyError: A policy was trained with other spaces than this environment's.
+    """
+    from hprs.training.policies import check_fits
+    from hprs.training.trained import load_policy
+
+    policies = {f"seed {run.configuration.seed}": load_policy(run, which) for run in runs}
+    environment = make()
+    try:
+        for run, policy in zip(runs, policies.values(), strict=True):
+            check_fits(str(run.policy(which)), policy, environment)
+    finally:
+        environment.close()
+    return dict(policies)
+
+
+def policy_by_name(name: str, make: Callable[[], TaskWrapper]) -> Policy:
+    """A policy that is no run's, as `hprs.training.policies.named_policy` knows it."""
+    from hprs.training.policies import named_policy
+
+    environment = make()
+    try:
+        return named_policy(name, environment)
+    finally:
+        environment.close()

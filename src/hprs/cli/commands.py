@@ -21,6 +21,8 @@ Examples:
   hprs evaluate RUN                           how well does it meet each requirement?
   hprs assess log.csv --task my_task.hprs     the same for a recorded log
   hprs explain RUN                            what earned or cost what, step by step
+  hprs watch RUN                              a video with each requirement's state on it
+  hprs compare RUN RUN                        two policies on the same episodes
 """
 
 COMMANDS: Mapping[str, str] = MappingProxyType(
@@ -31,6 +33,8 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "evaluate": "Evaluate",
         "assess": "Assess",
         "explain": "Explain",
+        "watch": "Watch",
+        "compare": "Compare",
     }
 )
 """Subcommand to its class, which lives in the module of the same name; in the order of the help."""

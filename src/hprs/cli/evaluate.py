@@ -92,10 +92,8 @@ class Evaluate:
         return 0
 
     def _run(self) -> tuple[str, Callable[[], TaskWrapper], Mapping[str, Policy]]:
-        from hprs.cli.assessed_run import check_which, environment_of
-        from hprs.training.policies import check_fits
+        from hprs.cli.assessed_run import check_which, environment_of, policies_of_runs
         from hprs.training.run_directory import find_runs
-        from hprs.training.trained import load_policy
 
         which = check_which(self.which)
         if not Path(self.subject).exists() and self._is_environment():
@@ -110,34 +108,24 @@ class Evaluate:
             options=self.options,
             horizon=self.horizon,
         )
-        policies = {f"seed {run.configuration.seed}": load_policy(run, which) for run in runs}
-        environment = make()
-        for run, policy in zip(runs, policies.values(), strict=True):
-            check_fits(str(run.policy(which)), policy, environment)
-        environment.close()
         configuration = runs[0].configuration
         title = (
             f"{configuration.environment}, {configuration.reward} reward, "
             f"{configuration.algorithm}, {self.which} policy"
         )
-        return title, make, policies
+        return title, make, policies_of_runs(runs, which, make)
 
     def _policy(self) -> tuple[str, Callable[[], TaskWrapper], Mapping[str, Policy]]:
-        from hprs.spec.parameters import parse_constants
-        from hprs.training.algorithms import parse_settings
-        from hprs.training.environment import check_options, find_task, make_environment
-        from hprs.training.policies import named_policy
+        from hprs.cli.assessed_run import named_environment, policy_by_name
 
-        task, _ = find_task(self.subject, self.task, parse_constants(self.constants))
-        options = parse_settings(self.options, "--env")
-        check_options(self.subject, options)
-
-        def make() -> TaskWrapper:
-            return make_environment(self.subject, task, "sparse", horizon=self.horizon, **options)
-
-        environment = make()
-        policy = named_policy(str(self.policy), environment)
-        environment.close()
+        make = named_environment(
+            self.subject,
+            task_path=self.task,
+            constants=self.constants,
+            options=self.options,
+            horizon=self.horizon,
+        )
+        policy = policy_by_name(str(self.policy), make)
         return f"{self.subject}, policy {self.policy}", make, {"policy": policy}
 
     def _is_environment(self) -> bool:

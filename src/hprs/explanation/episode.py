@@ -10,7 +10,7 @@ import numpy as np
 
 from hprs.errors import UsageError
 from hprs.explanation.explanation import LONGEST
-from hprs.explanation.film import Film
+from hprs.explanation.film import PAGE, Film, Stock
 from hprs.semantics.evaluation import Signals
 from hprs.semantics.plan import plan_of
 from hprs.spec.task import Task
@@ -52,19 +52,22 @@ class _Recorder:
         return {name: np.array(values) for name, values in zip(self._names, columns, strict=True)}
 
 
-def record(make: Callable[..., TaskWrapper], policy: Policy, seed: int) -> Recording:
+def record(
+    make: Callable[..., TaskWrapper], policy: Policy, seed: int, stock: Stock = PAGE
+) -> Recording:
     """Play one episode.
 
     Args:
         make: Makes the environment with its task; takes `render_mode` where it draws pictures.
         policy: What to run.
         seed: Seed of the environment's reset.
+        stock: How large and how many pictures are kept.
 
     Raises:
         PolicyError: The policy fails, or its action is none of the environment's.
         UsageError: The episode has more than `LONGEST` states.
     """
-    made, film = _drawing(make)
+    made, film = _drawing(make, stock)
     recorder = _Recorder(made.task)
     environment = wrap(made.env, made.task, recorder)
     try:
@@ -83,13 +86,13 @@ def record(make: Callable[..., TaskWrapper], policy: Policy, seed: int) -> Recor
     return Recording(recorder.trace(), film, environment.metadata.get("render_fps"))
 
 
-def _drawing(make: Callable[..., TaskWrapper]) -> tuple[TaskWrapper, Film]:
+def _drawing(make: Callable[..., TaskWrapper], stock: Stock) -> tuple[TaskWrapper, Film]:
     """The environment, with pictures where it can draw them."""
     made = make()
     if RENDER_MODE not in (made.metadata.get("render_modes") or ()):
         return made, Film(trouble="the environment draws none.")
     made.close()
-    return make(render_mode=RENDER_MODE), Film()
+    return make(render_mode=RENDER_MODE), Film(stock)
 
 
 def _take(environment: TaskWrapper, film: Film, step: int) -> None:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from hprs.explanation.explanation import Explanation, Numbers, Part
-from hprs.explanation.film import FORMAT, Film
+from hprs.explanation.film import Film
 from hprs.explanation.outline import Outline, axis, outline
 from hprs.explanation.palette import colours, failing
 from hprs.explanation.wording import bound, judgement, summary, verdict
@@ -79,7 +79,7 @@ def content(explanation: Explanation, film: Film) -> dict[str, Any]:
             _part(explanation, part, drawn, colour)
             for part, colour in zip(explanation.parts, colours(explanation.parts), strict=True)
         ],
-        "format": FORMAT,
+        "format": film.stock.format,
         "frames": [
             [frame.step, base64.b64encode(frame.data).decode("ascii")] for frame in film.frames
         ],
