@@ -10,7 +10,8 @@ HprsError
 ├── TraceError (ValueError)         a recorded trace cannot be assessed
 ├── PolicyError (ValueError)        a policy fails, or does not fit the environment
 ├── TrackError (ValueError)         a track or a map file cannot be driven or read
-├── BundleError (ValueError)      a policy bundle is damaged, or does not fit
+├── BundleError (ValueError)        a policy bundle is damaged, or does not fit
+├── GridError (ValueError)          a grid of trainings is wrong
 ├── RunError (RuntimeError)         a run directory cannot be read, written or resumed
 └── UsageError (ValueError)         an unknown name or option; the message lists what exists
     └── MissingExtraError           an optional dependency is not installed
@@ -106,6 +107,10 @@ class TrackError(HprsError, ValueError):
 
 class BundleError(HprsError, ValueError):
     """A policy bundle is damaged, or does not fit."""
+
+
+class GridError(HprsError, ValueError):
+    """A grid of trainings is wrong."""
 
 
 class RunError(HprsError, RuntimeError):

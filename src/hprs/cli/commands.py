@@ -23,6 +23,7 @@ Examples:
   hprs explain RUN                            what earned or cost what, step by step
   hprs watch RUN                              a video with each requirement's state on it
   hprs compare RUN RUN                        two policies on the same episodes
+  hprs benchmark GRID.toml                    a whole study: rewards, environments, seeds
 """
 
 COMMANDS: Mapping[str, str] = MappingProxyType(
@@ -35,6 +36,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "explain": "Explain",
         "watch": "Watch",
         "compare": "Compare",
+        "benchmark": "Benchmark",
     }
 )
 """Subcommand to its class, which lives in the module of the same name; in the order of the help."""

@@ -216,6 +216,7 @@ def labels(configurations: Sequence[Configuration]) -> list[str]:
 def _described(configuration: Configuration) -> tuple[str, ...]:
     shaped = configuration.reward in REWARDS and REWARDS[configuration.reward].shaped
     return (
+        configuration.environment.rpartition("/")[2],
         configuration.reward,
         configuration.end if shaped else "",
         f"{configuration.trainer} {configuration.algorithm}",

@@ -185,10 +185,11 @@ def pace(rate: float, left: int) -> str:
         rate: Steps a second; 0 where it is not known.
         left: Steps that are left.
     """
-    return f"  {rate:,.0f} steps/s, {_clock(max(0, left) / rate)} left" if rate else ""
+    return f"  {rate:,.0f} steps/s, {clock(max(0, left) / rate)} left" if rate else ""
 
 
-def _clock(seconds: float) -> str:
+def clock(seconds: float) -> str:
+    """A time as people read it: minutes and seconds, with hours where there are any."""
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"

@@ -38,11 +38,11 @@ def train_all(runs: Sequence[RunDirectory], place: Path, workers: int | None) ->
     return train(runs, place, out, workers)
 
 
-def default_workers(runs: Sequence[RunDirectory]) -> int:
+def default_workers(configurations: Sequence[Configuration]) -> int:
     """How many of some runs are trained side by side, where the user does not say."""
-    if not any(run.configuration.trainer == "jax" for run in runs):
+    if not any(configuration.trainer == "jax" for configuration in configurations):
         return 1
-    if prefers_programs([run.configuration for run in runs]):
+    if prefers_programs(configurations):
         return 0
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
@@ -91,7 +91,10 @@ def _train_several(
     from hprs.cli.console import plural
     from hprs.cli.population_progress import PopulationProgress
 
-    count = min(default_workers(runs) if workers is None else workers, len(runs))
+    count = min(
+        default_workers([run.configuration for run in runs]) if workers is None else workers,
+        len(runs),
+    )
     with PopulationProgress(out, runs, count) as progress:
         outcomes = train_population(runs, progress, workers=count)
     failed = [outcome for outcome in outcomes if outcome.state == "failed"]

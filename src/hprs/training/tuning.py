@@ -18,12 +18,12 @@ ent_coef = "auto"
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from hprs.errors import UsageError, did_you_mean
+from hprs.training.toml_text import parse_toml
 
 OWNER = "jax"
 """The trainer whose tables stand at the top level."""
@@ -64,7 +64,7 @@ def parse_tuning(text: str, *, path: str, trainers: Mapping[str, Collection[str]
     Raises:
         UsageError: It is no TOML, lacks a key, or has one that is unknown or of the wrong type.
     """
-    content = _parse_toml(text, path)
+    content = parse_toml(text, path)
     others = [trainer for trainer in trainers if trainer != OWNER]
     _check_keys(content, ["steps", *trainers[OWNER], *others], path)
     steps = _checked_steps(content.pop("steps", None), path)
@@ -124,14 +124,3 @@ def _table(content: Any, name: str, path: str) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise UsageError(f"{path}: '{name}' must be a table: [{name}] on a line of its own.")
     return content
-
-
-def _parse_toml(text: str, path: str) -> dict[str, Any]:
-    if sys.version_info >= (3, 11):
-        import tomllib
-    else:
-        import tomli as tomllib  # pyright: ignore[reportMissingImports]
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise UsageError(f"{path}: it is no TOML: {error}") from None

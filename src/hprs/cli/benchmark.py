@@ -1,0 +1,88 @@
+"""`hprs benchmark`: train a grid of runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from hprs.errors import UsageError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from hprs.experiments.plan import Planned
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """Train every combination that a grid's file asks for.
+
+    What is trained already is skipped, what was interrupted goes on, and what fails is reported and
+    does not stop the rest. Ctrl-C saves all states; the same command goes on. A run is found again
+    by the hash of its configuration, whoever has trained it.
+
+    Examples:
+      hprs benchmark examples/grids/quick.toml --dry-run
+      hprs benchmark examples/grids/quick.toml
+      hprs benchmark my_grid.toml --workers 8 --out /data/runs
+    """
+
+    grid: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="GRID.toml")]
+    """The grid."""
+    dry_run: bool = False
+    """Train nothing: print what would be trained, and what it would take."""
+    out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("runs")
+    """Where run directories are made, and looked for."""
+    workers: Annotated[
+        int | None,
+        tyro.conf.arg(
+            metavar="N",
+            help_behavior_hint="",
+            help="Runs that are trained side by side, each in a process of its own; 0: those that "
+            "make one program at once. Default: one a core, on a GPU 0.",
+        ),
+    ] = None
+
+    def run(self) -> int:
+        """Train the grid."""
+        from hprs.cli.console import console
+        from hprs.cli.grid_table import print_plan
+        from hprs.cli.training import default_workers
+        from hprs.experiments.grid import configurations_of, read_grid
+        from hprs.experiments.plan import estimate, plan
+
+        if self.workers is not None and self.workers < 0:
+            raise UsageError(f"--workers takes a number from 0 on, got {self.workers}.")
+        configurations = configurations_of(read_grid(self.grid))
+        planned = plan(configurations, self.out)
+        workers = default_workers(configurations) if self.workers is None else self.workers
+        out = console()
+        print_plan(out, planned, estimate(planned, workers), workers)
+        if self.dry_run:
+            return 0
+        return self._train(planned, out, workers)
+
+    def _train(self, planned: Sequence[Planned], out: Console, workers: int) -> int:
+        from hprs.cli.grid_table import GridProgress
+        from hprs.experiments.plan import prepare
+        from hprs.training.population import train_population
+
+        runs = prepare(planned, self.out)
+        if not runs:
+            out.print(f"All {len(planned)} runs are done. Assess them with: hprs evaluate RUN")
+            return 0
+        with GridProgress(out, planned) as progress:
+            outcomes = train_population(runs, progress, workers=min(workers, len(runs)))
+        failed = [outcome for outcome in outcomes if outcome.state == "failed"]
+        for outcome in failed:
+            out.print(f"Failed: {outcome.run.path}: {outcome.text}", soft_wrap=True)
+        if any(outcome.state == "interrupted" for outcome in outcomes):
+            out.print(f"Stopped. The same command goes on: hprs benchmark {self.grid}")
+            return 130
+        complete = len(planned) - len(failed)
+        out.print(f"{complete} of {len(planned)} runs are done, in {self.out}.", soft_wrap=True)
+        return 1 if failed else 0
