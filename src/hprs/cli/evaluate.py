@@ -60,6 +60,7 @@ class Evaluate:
         """Assess the policy."""
         from hprs.cli.console import console
         from hprs.cli.progress import EvaluationProgress
+        from hprs.training.demanding import held_at_every_reset, remarks
         from hprs.training.evaluation import FINAL_SEEDS, episode_seeds, evaluate
         from hprs.training.intervals import require_statistics
 
@@ -87,8 +88,9 @@ class Evaluate:
 
             lowest = {name: assessments(name, policy) for name, policy in floors.items()}
             found = {name: assessments(name, policy) for name, policy in policies.items()}
+        too_little = remarks(task, held_at_every_reset(make, seeds), lowest)
         show = _print_json if self.json else _print
-        show(title, task, found, lowest)
+        show(title, task, found, lowest, too_little)
         return 0
 
     def _run(self) -> tuple[str, Callable[[], TaskWrapper], Mapping[str, Policy]]:
@@ -164,6 +166,7 @@ def _print_json(
     task: Task,
     found: Mapping[str, Sequence[Assessment]],
     floors: Mapping[str, Sequence[Assessment]],
+    too_little: Sequence[str],
 ) -> None:
     from hprs.cli.console import print_json
     from hprs.training.measures import measures, outside_ranges
@@ -178,6 +181,7 @@ def _print_json(
             for floor, assessments in floors.items()
         },
         "outside_ranges": dict(outside_ranges(pooled)),
+        "asks_too_little": list(too_little),
         "decided_at_start": sum(bool(assessment.decided_at_start) for assessment in pooled),
     }
     if len(found) > 1:
@@ -193,6 +197,7 @@ def _print(
     task: Task,
     found: Mapping[str, Sequence[Assessment]],
     floors: Mapping[str, Sequence[Assessment]],
+    too_little: Sequence[str],
 ) -> None:
     from hprs.cli.console import plural
     from hprs.cli.measures_table import print_measures, print_notes
@@ -213,3 +218,5 @@ def _print(
         worst=extra.get("worst seed"),
     )
     print_notes(pooled, several=several)
+    for remark in too_little:
+        print(f"The task asks too little: {remark}")
