@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable
 
 import gymnasium as gym
-import numpy as np
 
 import hprs
 
@@ -87,15 +86,3 @@ def lander_task() -> hprs.Task:
 def driving_task() -> hprs.Task:
     """The driving task."""
     return hprs.parse_task(DRIVING)
-
-
-def interquartile_mean(values: np.ndarray) -> np.ndarray:
-    """Mean over the last axis without its lowest and highest quarter; fractions of values count."""
-    ordered, number = np.sort(values, -1), values.shape[-1]
-    kept = np.clip(
-        np.minimum(np.arange(1, number + 1), 0.75 * number)
-        - np.maximum(np.arange(number), 0.25 * number),
-        0,
-        1,
-    )
-    return ordered @ (kept / kept.sum())

@@ -15,7 +15,7 @@ from __future__ import annotations
 import csv
 import os
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -23,7 +23,8 @@ from typing import Any, Literal, TypeAlias
 import _pendulum  # noqa: F401
 import numpy as np
 import tyro
-from _common import interquartile_mean
+
+from hprs.experiments.statistics import difference_interval, interquartile_mean, interval
 
 ROOT = Path(__file__).parent.parent
 ANYTHING = "signal first = obs[0] in [-10, 10]\nencourage anything: first <= 10\n"
@@ -247,13 +248,8 @@ def area(steps: np.ndarray, returns: np.ndarray) -> float:
 
 def difference(ours: np.ndarray, theirs: np.ndarray) -> tuple[float, float, float]:
     """Of the interquartile means, with its 95 % bootstrap interval."""
-    generator, draws = np.random.default_rng(0), 10_000
-    drawn = [
-        interquartile_mean(generator.choice(values, (draws, len(values))))
-        for values in (ours, theirs)
-    ]
-    low, high = np.quantile(drawn[0] - drawn[1], (0.025, 0.975))
-    return float(interquartile_mean(ours) - interquartile_mean(theirs)), float(low), float(high)
+    low, high = difference_interval(ours, theirs)
+    return float(interquartile_mean(ours) - interquartile_mean(theirs)), low, high
 
 
 def print_table(arguments: Against) -> None:
@@ -297,7 +293,7 @@ def draw(arguments: Against) -> None:
             steps = next(iter(curves.values()))[0]
             heights = np.stack([np.interp(steps, *curve) for curve in curves.values()])
             colour, label = COLOURS[trainer]
-            low, high = interval_of_mean(heights)
+            low, high = interval(heights.T)
             axis.fill_between(steps, low, high, color=colour, alpha=0.25, linewidth=0)
             dashes = "-" if trainer == "jax" else "--"
             axis.plot(steps, heights.mean(0), dashes, color=colour, label=label)
@@ -307,13 +303,6 @@ def draw(arguments: Against) -> None:
         axis.spines[["top", "right"]].set_visible(False)
     axes[0].legend(frameon=False, loc="lower right")
     figure.savefig(arguments.picture, dpi=110)
-
-
-def interval_of_mean(heights: np.ndarray) -> Sequence[np.ndarray]:
-    """95 % bootstrap interval of the mean over the first axis."""
-    generator = np.random.default_rng(0)
-    rows = generator.integers(len(heights), size=(2_000, len(heights)))
-    return tuple(np.quantile(heights[rows].mean(1), (0.025, 0.975), axis=0))
 
 
 if __name__ == "__main__":

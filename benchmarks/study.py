@@ -34,8 +34,13 @@ from typing import Any, Literal, cast
 
 import numpy as np
 import tyro
-from _common import interquartile_mean
 
+from hprs.experiments.statistics import (
+    failed_seeds,
+    interquartile_mean,
+    interval,
+    steps_to,
+)
 from hprs.rewards.shaping import DEFAULT_END, ENDS, End
 from hprs.semantics.assessment import accomplished_comfort, summarise
 from hprs.training.algorithms import parse_settings
@@ -54,8 +59,6 @@ EVALUATE_EVERY = {
 }
 """Steps between evaluations, ten times as many after the 50th; elsewhere the default."""
 BLIND = "critic_signals=false"
-ENOUGH = 0.9
-"""S+T of three evaluations in a row."""
 CONDITIONS = (
     "hprs:paper",
     "hprs:released",
@@ -217,6 +220,7 @@ def assessed(run: RunDirectory, name: str, count: int) -> Found:
     )
     summary = summarise([episode.assessment for episode in episodes])
     curve = list(_curve(run))
+    reached = steps_to([point["step"] for point in curve], [point["S+T"] for point in curve])
     row = {
         "condition": name,
         "seed": configuration.seed,
@@ -225,7 +229,7 @@ def assessed(run: RunDirectory, name: str, count: int) -> Found:
         "S+T": summary.safe_target,
         "S+T+C": summary.safe_target_comfort,
         "PAM": summary.pam,
-        "steps to 0.9": _reached(curve),
+        "steps to 0.9": "" if reached is None else reached,
         **summary.requirements,
     }
     named = [{"condition": name, "seed": configuration.seed, **point} for point in curve]
@@ -243,15 +247,6 @@ def _curve(run: RunDirectory) -> Iterator[dict[str, Any]]:
             "S+T": float((pam >= 1.5).mean()),
             "S+T+C": float(np.mean(accomplished_comfort(pam))),
         }
-
-
-def _reached(curve: Sequence[dict[str, Any]]) -> int | str:
-    """The first step of three evaluations in a row with enough S+T; empty if there is none."""
-    good = [point["S+T"] >= ENOUGH for point in curve]
-    for index in range(len(good) - 2):
-        if all(good[index : index + 3]):
-            return curve[index]["step"]
-    return ""
 
 
 def write(file: Path, rows: Sequence[dict[str, Any]], name: str) -> None:
@@ -276,14 +271,6 @@ def read(file: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
-def interval(values: np.ndarray, draws: int = 10_000) -> tuple[float, float]:
-    """95 % bootstrap interval of the mean over seeds."""
-    rng = np.random.default_rng(0)
-    means = rng.choice(values, (draws, len(values))).mean(axis=1)
-    low, high = np.quantile(means, (0.025, 0.975))
-    return float(low), float(high)
-
-
 def print_table(rows: Sequence[dict[str, str]]) -> None:
     """The table of docs/benchmarks.md."""
     print("| reward | S | S+T | seeds below 0.5 | IQM | 95 % of the mean | S+T+C | steps to 0.9 |")
@@ -296,10 +283,14 @@ def print_table(rows: Sequence[dict[str, str]]) -> None:
         reached = sorted(float(row["steps to 0.9"] or "inf") for row in own)
         middle = float(np.median(reached))
         never = sum(not row["steps to 0.9"] for row in own)
-        took = "never" if np.isinf(middle) else f"{middle:,.0f}"
-        took += f" ({never} of {len(own)} never)" if never and not np.isinf(middle) else ""
+        if np.isinf(middle):
+            took = "never" + (
+                f" (median; {len(own) - never} of {len(own)} do)" if never < len(own) else ""
+            )
+        else:
+            took = f"{middle:,.0f}" + (f" ({never} of {len(own)} never)" if never else "")
         print(
-            f"| {name} | {column['S'].mean():.2f} | {target.mean():.2f} | {(target < 0.5).sum()} "
+            f"| {name} | {column['S'].mean():.2f} | {target.mean():.2f} | {failed_seeds(target)} "
             f"| {float(interquartile_mean(target)):.2f} | {low:.2f} to {high:.2f} "
             f"| {column['S+T+C'].mean():.2f} | {took} |"
         )
