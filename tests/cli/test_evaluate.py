@@ -113,3 +113,42 @@ def test_ctrl_c_is_a_clean_line(here):
         out, err = process.communicate(timeout=60)
     assert (process.returncode, out, err) == (130, "", "hprs: interrupted.\n")
     assert time.monotonic() - start < 5
+
+
+def test_a_bundle_is_assessed_where_it_was_trained(hprs, here):
+    train = ("train", CART_POLE, "--steps", "2048", "--set", "n_steps=64", "--const", "mark=-1")
+    assert hprs(*train, "--horizon", "40", "--workers", "1")[0] == 0
+    (run,) = (here / "runs").glob("*/*/seed-0")
+    bundle = run / "policy" / "last" / "policy.bundle"
+    found = []
+    for subject in (run, bundle):
+        code, out, err = hprs("evaluate", subject, "--episodes", "4", "--json")
+        assert (code, err) == (0, "")
+        found.append(json.loads(out))
+    assert found[0]["measures"] == found[1]["measures"]
+    assert found[0]["floors"] == found[1]["floors"]
+    assert found[1]["subject"] == f"{CART_POLE}, policy {bundle}"
+
+
+def test_a_bundle_that_does_not_say_where_it_was_trained_needs_an_environment(hprs, here):
+    from hprs.deploy import save_bundle
+    from tests.deploy.small import small
+
+    save_bundle(small(), here / "old.bundle")
+    code, out, err = hprs("evaluate", "old.bundle")
+    assert (code, out) == (2, "")
+    assert err == (
+        "hprs: 'old.bundle' does not say where it was trained; name the environment, as in "
+        "hprs evaluate ENV --policy old.bundle\n"
+    )
+
+
+def test_a_task_that_asks_too_little_is_named(hprs, here):
+    (here / "easy.hprs").write_text(
+        "signal x = obs[0] in [-4.8, 4.8]\nensure near: abs(x) <= 4\nconquer middle: abs(x) <= 3\n"
+    )
+    easy = ("evaluate", "CartPole-v1", "--task", "easy.hprs", "--policy", "zero", "--episodes", "3")
+    code, out, _ = hprs(*easy)
+    assert code == 0
+    assert "The task asks too little: 'middle', the target, holds at every reset" in out
+    assert "The task asks too little: random meets the task in 100% of its episodes." in out

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from hprs.errors import UsageError, did_you_mean
 
 if TYPE_CHECKING:
+    from hprs.deploy import Bundle
     from hprs.training.policies import Policy
     from hprs.training.run_directory import RunDirectory, Which
     from hprs.wrappers.single import TaskWrapper
@@ -108,6 +109,58 @@ def named_environment(
         return make_environment(name, task, "sparse", horizon=horizon, **{**given, **more})
 
     return make
+
+
+def environment_of_bundle(
+    path: str,
+    *,
+    task_path: str | None,
+    constants: Sequence[str],
+    options: Sequence[str],
+    horizon: int | None,
+) -> tuple[str, Bundle, Callable[..., TaskWrapper]]:
+    """The environment that a bundle was trained in, with its task.
+
+    Args:
+        path: The bundle's file.
+        task_path: Another task file.
+        constants: Other values for constants of the task, as `NAME=VALUE`.
+        options: Other options of the environment, as `KEY=VALUE`.
+        horizon: Another horizon.
+
+    Returns:
+        The environment's name, the bundle, and what makes the environment.
+
+    Raises:
+        BundleError: The bundle is damaged.
+        UsageError: It does not say where it was trained, or an option or a file does not exist.
+        SpecError: The task is wrong, or has no such constant.
+    """
+    from hprs.deploy import load_bundle
+    from hprs.spec.json_format import task_from_json
+    from hprs.spec.parameters import override, parse_constants
+    from hprs.training.algorithms import parse_settings
+    from hprs.training.environment import check_options, make_environment, read_task
+
+    bundle = load_bundle(path)
+    found = bundle.provenance
+    name = found.get("environment")
+    if not isinstance(name, str):
+        raise UsageError(
+            f"'{path}' does not say where it was trained; name the environment, as in "
+            f"hprs evaluate ENV --policy {path}"
+        )
+    task = read_task(task_path)[0] if task_path else task_from_json(bundle.task)
+    task = override(task, parse_constants(constants), path=task_path or path)
+    given = parse_settings(options, "--env")
+    merged = {**found.get("environment_options", {}), **given}
+    check_options(name, merged)
+    steps = horizon or found.get("horizon")
+
+    def make(**more: Any) -> TaskWrapper:
+        return make_environment(name, task, "sparse", horizon=steps, **{**merged, **more})
+
+    return name, bundle, make
 
 
 def policies_of_runs(

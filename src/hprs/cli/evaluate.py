@@ -30,13 +30,14 @@ class Evaluate:
       hprs evaluate runs/hprs-CartPole-v0/hprs-ppo-1a2b3c4d/seed-0
       hprs evaluate runs/hprs-CartPole-v0/hprs-ppo-1a2b3c4d --which best --episodes 100
       hprs evaluate runs/hprs-BipedalWalker-v0/hprs-sac-1a2b3c4d --env goal=55.4 --horizon 1000
+      hprs evaluate policy.bundle --env tracks=trt
       hprs evaluate hprs/CartPole-v0 --policy random
       hprs evaluate CartPole-v1 --task my_task.hprs --policy ppo.zip
       hprs evaluate CartPole-v1 --task my_task.hprs --policy my_module:my_function --json
     """
 
-    subject: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="RUN|ENV")]
-    """Run directory; with --policy, an environment."""
+    subject: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="RUN|BUNDLE|ENV")]
+    """Run directory, or a policy bundle; with --policy, an environment."""
     episodes: Annotated[int, tyro.conf.arg(metavar="N")] = 50
     """Episodes of each policy."""
     which: str = "last"
@@ -45,7 +46,7 @@ class Evaluate:
     """Task file for an environment without its own; for a run, a task to assess it by instead."""
     constants: Constants = ()
     policy: Annotated[str | None, tyro.conf.arg(metavar="POLICY", help_behavior_hint="")] = None
-    """zero, random, a .zip of Stable-Baselines3, or module:function."""
+    """zero, random, a bundle, a .zip of Stable-Baselines3, or module:function."""
     options: Annotated[
         tyro.conf.UseAppendAction[tuple[str, ...]],
         tyro.conf.arg(name="env", metavar="KEY=VALUE"),
@@ -68,7 +69,7 @@ class Evaluate:
             if value is not None and value < 1:
                 raise UsageError(f"--{option} must be at least 1, got {value}.")
         require_statistics()
-        title, make, policies = self._policy() if self.policy else self._run()
+        title, make, policies = self._subject()
         seeds = episode_seeds(FINAL_SEEDS, self.episodes)
         environment = make()
         task, space = environment.task, environment.action_space
@@ -92,6 +93,31 @@ class Evaluate:
         show = _print_json if self.json else _print
         show(title, task, found, lowest, too_little)
         return 0
+
+    def _subject(self) -> tuple[str, Callable[[], TaskWrapper], Mapping[str, Policy]]:
+        from hprs.training.policies import BUNDLE_SUFFIX
+
+        if self.policy:
+            return self._policy()
+        if self.subject.endswith(BUNDLE_SUFFIX) and Path(self.subject).is_file():
+            return self._bundle()
+        return self._run()
+
+    def _bundle(self) -> tuple[str, Callable[[], TaskWrapper], Mapping[str, Policy]]:
+        from hprs.cli.assessed_run import environment_of_bundle
+        from hprs.training.policies import check_fits
+
+        name, bundle, make = environment_of_bundle(
+            self.subject,
+            task_path=self.task,
+            constants=self.constants,
+            options=self.options,
+            horizon=self.horizon,
+        )
+        environment = make()
+        check_fits(self.subject, bundle, environment)
+        environment.close()
+        return f"{name}, policy {self.subject}", make, {"policy": bundle}
 
     def _run(self) -> tuple[str, Callable[[], TaskWrapper], Mapping[str, Policy]]:
         from hprs.cli.assessed_run import check_which, environment_of, policies_of_runs
