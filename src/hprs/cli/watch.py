@@ -69,7 +69,7 @@ class Watch:
 
     def run(self) -> int:
         """Film the episode."""
-        from hprs.explanation.video import check_suffix, write_video
+        from hprs.explanation.video import check_suffix
         from hprs.explanation.wording import summary
         from hprs.training.environment import require
 
@@ -80,7 +80,7 @@ class Watch:
         if self.rate is not None and not 0.0 < self.rate < float("inf"):
             raise UsageError(f"--rate must be positive, got {self.rate:g}.")
         found, film = self._log() if self._is_log else self._episode()
-        write_video(found, film, self.out)
+        _write(found, film, self.out)
         print(f"{found.title}: {summary(found)}")
         if film.trouble:
             print(f"No pictures: {film.trouble}")
@@ -206,6 +206,22 @@ class Watch:
         screen = console(stderr=True)
         with EvaluationProgress(screen, policies=1, episodes=self.episodes) as progress:
             return evaluate(make, policy, seeds, progress.watcher("choosing an episode"))
+
+
+def _write(found: Explanation, film: Film, path: Path) -> None:
+    """Write the video, and show how far it is."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    from hprs.cli.console import console
+    from hprs.explanation.video import write_video
+
+    screen = console(stderr=True)
+    columns = (TextColumn("drawing"), BarColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=screen, disable=not screen.is_terminal, transient=True) as bar:
+        task = bar.add_task("")
+        write_video(
+            found, film, path, lambda done, total: bar.update(task, completed=done, total=total)
+        )
 
 
 def _pick(which: str, episodes: Sequence[Episode]) -> int:
