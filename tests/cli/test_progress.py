@@ -4,7 +4,7 @@ from dataclasses import replace
 from rich.console import Console
 
 from hprs.cli.population_progress import PopulationProgress, labels
-from hprs.cli.progress import Pace, TrainingProgress, _clock, beginning
+from hprs.cli.progress import Pace, TrainingProgress, beginning, clock
 from hprs.envs import task_text_of
 from hprs.semantics.assessment import Summary
 from hprs.training.configuration import Configuration
@@ -46,8 +46,8 @@ def test_a_terminal_gets_a_bar_with_what_matters():
     assert "PAM 1.25  S 0.90  S+T 0.50" in text
 
 
-def test_the_time_left_is_a_clock():
-    assert [_clock(seconds) for seconds in (0, 61.4, 3725)] == ["0:00", "1:01", "1:02:05"]
+def test_the_time_left_is_aclock():
+    assert [clock(seconds) for seconds in (0, 61.4, 3725)] == ["0:00", "1:01", "1:02:05"]
 
 
 def watch_several(folder, *, terminal):
