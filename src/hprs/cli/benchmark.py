@@ -14,7 +14,10 @@ from hprs.errors import UsageError
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from hprs.cli.grid_table import GridProgress
     from hprs.experiments.plan import Planned
+    from hprs.training.population import Outcome
+    from hprs.training.run_directory import RunDirectory
 
 
 @dataclass(frozen=True)
@@ -29,6 +32,7 @@ class Benchmark:
       hprs benchmark examples/grids/quick.toml --dry-run
       hprs benchmark examples/grids/quick.toml
       hprs benchmark my_grid.toml --workers 8 --out /data/runs
+      hprs benchmark my_grid.toml --ray auto --out /shared/runs
     """
 
     grid: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="GRID.toml")]
@@ -43,7 +47,17 @@ class Benchmark:
             metavar="N",
             help_behavior_hint="",
             help="Runs that are trained side by side, each in a process of its own; 0: those that "
-            "make one program at once. Default: one a core, on a GPU 0.",
+            "make one program at once. Default: one a core, on a GPU 0; with --ray as many as the "
+            "cluster has room for.",
+        ),
+    ] = None
+    ray: Annotated[
+        str | None,
+        tyro.conf.arg(
+            metavar="ADDRESS",
+            help_behavior_hint="",
+            help="Train over the nodes of a Ray cluster: auto, HOST:6379, ray://HOST:10001, or "
+            "local for one that is started here. All nodes must share the folder of --out.",
         ),
     ] = None
 
@@ -59,24 +73,32 @@ class Benchmark:
             raise UsageError(f"--workers takes a number from 0 on, got {self.workers}.")
         configurations = configurations_of(read_grid(self.grid))
         planned = plan(configurations, self.out)
-        workers = default_workers(configurations) if self.workers is None else self.workers
-        out = console()
-        print_plan(out, planned, estimate(planned, workers), workers)
+        workers, out = self.workers, console()
+        if workers is None:
+            # How much room a cluster has is seen only when it is there.
+            workers = default_workers(configurations) if self.ray is None else 1
+        print_plan(out, planned, estimate(planned, workers), self._side(workers))
         if self.dry_run:
             return 0
         return self._train(planned, out, workers)
 
+    def _side(self, workers: int) -> str:
+        if workers == 0:
+            return "all members of a program at once"
+        if self.ray is not None and self.workers is None:
+            return "side by side as the cluster has room, estimated one after the other"
+        return f"{workers} side by side"
+
     def _train(self, planned: Sequence[Planned], out: Console, workers: int) -> int:
         from hprs.cli.grid_table import GridProgress
         from hprs.experiments.plan import prepare
-        from hprs.training.population import train_population
 
         runs = prepare(planned, self.out)
         if not runs:
             out.print(f"All {len(planned)} runs are done. Assess them with: hprs evaluate RUN")
             return 0
         with GridProgress(out, planned) as progress:
-            outcomes = train_population(runs, progress, workers=min(workers, len(runs)))
+            outcomes = self._executed(runs, progress, workers)
         failed = [outcome for outcome in outcomes if outcome.state == "failed"]
         for outcome in failed:
             out.print(f"Failed: {outcome.run.path}: {outcome.text}", soft_wrap=True)
@@ -86,3 +108,14 @@ class Benchmark:
         complete = len(planned) - len(failed)
         out.print(f"{complete} of {len(planned)} runs are done, in {self.out}.", soft_wrap=True)
         return 1 if failed else 0
+
+    def _executed(
+        self, runs: Sequence[RunDirectory], audience: GridProgress, workers: int
+    ) -> list[Outcome]:
+        if self.ray is not None:
+            from hprs.experiments.ray_executor import train_on_ray
+
+            return train_on_ray(runs, audience, address=self.ray, workers=self.workers)
+        from hprs.training.population import train_population
+
+        return train_population(runs, audience, workers=min(workers, len(runs)))

@@ -32,8 +32,15 @@ _SHOWN = 24
 _ORDER = ("training", "failed", "waiting", "interrupted", "done")
 
 
-def print_plan(console: Console, planned: Sequence[Planned], cost: Estimate, workers: int) -> None:
-    """Print what is to be trained, a row for each environment, reward and algorithm."""
+def print_plan(console: Console, planned: Sequence[Planned], cost: Estimate, side: str) -> None:
+    """Print what is to be trained, a row for each environment, reward and algorithm.
+
+    Args:
+        console: Where to.
+        planned: The trainings.
+        cost: What the rest of them takes.
+        side: How many are trained side by side, in words.
+    """
     groups: dict[tuple[str, str, str], list[Planned]] = {}
     for entry in planned:
         found = entry.configuration
@@ -55,7 +62,6 @@ def print_plan(console: Console, planned: Sequence[Planned], cost: Estimate, wor
     console.print()
     if not left:
         return
-    side = "all members of a program at once" if workers == 0 else f"{workers} side by side"
     console.print(f"{left:,} steps are left, {side}.", soft_wrap=True)
     console.print(
         f"Estimated: {_duration(cost.seconds)} of time, {cost.memory / 1000:.1f} GB of memory, "

@@ -16,19 +16,20 @@ LOCK_FILE = ".lock"
 
 
 @contextmanager
-def locked(folder: Path, advice: str = "") -> Iterator[None]:
+def locked(folder: Path, advice: str = "", *, patience: float = 0.0) -> Iterator[None]:
     """Keep other processes out of a run; the lock vanishes with the process.
 
     Args:
         folder: The run's folder.
         advice: What to do where the lock cannot be written.
+        patience: Seconds to wait for another process to leave.
 
     Raises:
         RunError: Another process is there, or the folder cannot be written.
     """
     filelock = require("filelock", "jax")
     file = folder / LOCK_FILE
-    lock = filelock.FileLock(file, timeout=0)
+    lock = filelock.FileLock(file, timeout=patience)
     with files.writing(folder, advice):
         try:
             lock.acquire()

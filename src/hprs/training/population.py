@@ -92,6 +92,15 @@ def train_member(run: RunDirectory, listener: Listener, find_trainer: FindTraine
     return _outcome(run, complete)
 
 
+def programs_of(runs: Sequence[RunDirectory]) -> list[list[RunDirectory]]:
+    """Runs in groups, each of which is trained as one program."""
+    programs: dict[str, list[RunDirectory]] = {}
+    for run in runs:
+        found = together_of(run.configuration)
+        programs.setdefault(str(run.path) if found is None else found[0], []).append(run)
+    return list(programs.values())
+
+
 def _train_here(
     runs: Sequence[RunDirectory], audience: Audience, find_trainer: FindTrainer
 ) -> list[Outcome]:
@@ -109,13 +118,9 @@ def _train_here(
 
 def _train_programs(runs: Sequence[RunDirectory], audience: Audience) -> list[Outcome]:
     """Train the members of each program at once, one program after the other."""
-    programs: dict[str, list[RunDirectory]] = {}
-    for run in runs:
-        found = together_of(run.configuration)
-        programs.setdefault(str(run.path) if found is None else found[0], []).append(run)
     outcomes: dict[RunDirectory, Outcome] = {}
     with Interruption(audience.stopping) as interruption:
-        for members in programs.values():
+        for members in programs_of(runs):
             stopped = any(outcome.state == "interrupted" for outcome in outcomes.values())
             if interruption.requested or stopped:
                 ended = [Outcome(run, "interrupted") for run in members]

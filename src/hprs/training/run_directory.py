@@ -121,13 +121,16 @@ class RunDirectory:
         return f" What is recorded is safe; go on with: hprs train --resume {self.path}"
 
     @contextmanager
-    def locked(self) -> Iterator[None]:
+    def locked(self, *, patience: float = 0.0) -> Iterator[None]:
         """Keep other processes from training here; the lock vanishes with the process.
+
+        Args:
+            patience: Seconds to wait for another process to leave.
 
         Raises:
             RunError: Another process trains here, or the folder cannot be written.
         """
-        with locked(self.path, self._advice):
+        with locked(self.path, self._advice, patience=patience):
             yield
 
     @property

@@ -8,7 +8,9 @@ import os
 import signal
 import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -22,7 +24,7 @@ _GRACE = 60.0
 """Seconds to stop in, when the process that started this one is gone."""
 
 _PAUSE = 0.1
-"""Seconds between two reports of a number of steps."""
+"""Seconds between two reports of a number of steps, to a process beside this one."""
 
 
 def work(pipe: Connection, core: int | None, find_trainer: FindTrainer) -> None:
@@ -40,42 +42,47 @@ def work(pipe: Connection, core: int | None, find_trainer: FindTrainer) -> None:
         os.sched_setaffinity(0, {core})
     threading.Thread(target=_follow_parent, daemon=True).start()
     while (path := _next(pipe)) is not None:
-        outcome = train_member(RunDirectory(path), Reporter(pipe), find_trainer)
+        outcome = train_member(RunDirectory(path), Reporter(partial(_send, pipe)), find_trainer)
         _send(pipe, "outcome", outcome.state, outcome.text)
 
 
 class Reporter:
-    """A listener that passes everything on to the process that started this one."""
+    """A listener that passes everything on to another process.
 
-    def __init__(self, pipe: Connection) -> None:
-        self._pipe = pipe
+    Args:
+        send: Takes the name of what a listener is told, and its arguments.
+        pause: Seconds between two reports of a number of steps.
+    """
+
+    def __init__(self, send: Callable[..., None], *, pause: float = _PAUSE) -> None:
+        self._send, self._pause = send, pause
         self._reported = 0.0
 
     def started(self, configuration: Configuration, step: int) -> None:
         """Pass the step on; the configuration is known there."""
-        _send(self._pipe, "started", step)
+        self._send("started", step)
 
     def advanced(self, step: int) -> None:
-        """Pass it on, ten times a second."""
+        """Pass it on, unless the last one has just been."""
         now = time.monotonic()
-        if now - self._reported > _PAUSE:
+        if now - self._reported > self._pause:
             self._reported = now
-            _send(self._pipe, "advanced", step)
+            self._send("advanced", step)
 
     def evaluated(self, step: int, summary: Summary) -> None:
         """Pass it on."""
-        _send(self._pipe, "evaluated", step, summary)
+        self._send("evaluated", step, summary)
 
     def noticed(self, text: str) -> None:
         """Pass it on."""
-        _send(self._pipe, "noticed", text)
+        self._send("noticed", text)
 
     def stopping(self) -> None:
         """Nothing: who has asked for it knows."""
 
     def ended(self) -> None:
         """Pass it on."""
-        _send(self._pipe, "ended")
+        self._send("ended")
 
 
 def _detach() -> None:
