@@ -14,7 +14,8 @@ Below results/ALGORITHM/ it leaves for each environment
     curves.csv      a row an evaluation during the training: mean PAM, S, S+T and S+T+C
     *.bundle        last policies of the rewards that are kept
 
-and prints the table of docs/benchmarks.md. Training seeds are 0 to 9, episodes those of
+and prints the table of docs/benchmarks.md. `--first-seed 5 --seeds 5` adds seeds to those that are
+there. Training seeds are 0 to 9, episodes those of
 `hprs evaluate`, which no training and no choice of a setting has seen.
 """
 
@@ -23,8 +24,6 @@ from __future__ import annotations
 import csv
 import json
 import shutil
-import subprocess
-import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
@@ -35,6 +34,9 @@ from typing import Any, Literal, cast
 import numpy as np
 import tyro
 
+from hprs.cli.console import console
+from hprs.cli.grid_table import GridProgress
+from hprs.experiments.plan import plan, prepare
 from hprs.experiments.statistics import (
     failed_seeds,
     interquartile_mean,
@@ -47,7 +49,8 @@ from hprs.training.algorithms import parse_settings
 from hprs.training.configure import configure
 from hprs.training.environment import make_configured
 from hprs.training.evaluation import FINAL_SEEDS, episode_seeds, evaluate
-from hprs.training.run_directory import RunDirectory, folder_of
+from hprs.training.population import train_population
+from hprs.training.run_directory import RunDirectory
 from hprs.training.trained import load_policy
 
 RESULTS = Path(__file__).parent.parent / "results"
@@ -95,8 +98,10 @@ class Study:
     """What learns."""
     env: tuple[str, ...] = ()
     """Options of the environment, KEY=VALUE."""
+    first_seed: int = 0
+    """The first training seed."""
     seeds: int = 10
-    """Training seeds, from 0 on."""
+    """How many training seeds; what others were trained before stay in the tables."""
     steps: int | None = None
     """Environment steps of a training; default: those of the benchmark's file."""
     episodes: int = 50
@@ -165,8 +170,7 @@ def parsed(text: str) -> Condition:
 
 
 def trained(study: Study, condition: Condition) -> list[RunDirectory]:
-    """The runs of a condition, trained to their end."""
-    settings = condition.settings
+    """The runs of a condition that are trained to their end."""
     configurations = [
         configure(
             study.environment,
@@ -174,36 +178,21 @@ def trained(study: Study, condition: Condition) -> list[RunDirectory]:
             end=condition.end,
             algorithm=study.algorithm,
             environment_options=parse_settings(study.env, "--env"),
-            settings=settings,
+            settings=condition.settings,
             steps=study.steps,
             evaluation_interval=study.interval,
             seed=seed,
         )
-        for seed in range(study.seeds)
+        for seed in range(study.first_seed, study.first_seed + study.seeds)
     ]
-    folder = folder_of(configurations[0], study.out)
-    call = [sys.executable, "-m", "hprs", "train"]
-    if folder.exists():
-        call += ["--resume", str(folder)]
-    else:
-        call += [study.environment, "--reward", condition.reward, "--end", condition.end]
-        call += ["--seeds", str(study.seeds), "--out", str(study.out)]
-        call += ["--algorithm", study.algorithm]
-        call += [part for option in study.env for part in ("--env", option)]
-        call += [
-            part
-            for key, value in settings.items()
-            for part in ("--set", f"{key}={json.dumps(value)}")
-        ]
-        for option, value in (
-            ("--steps", study.steps),
-            ("--evaluate-every", study.interval),
-        ):
-            call += [] if value is None else [option, str(value)]
-    code = subprocess.run([*call, "--workers", str(study.workers)], check=False).returncode
-    if code == 130:
-        raise KeyboardInterrupt
-    return [RunDirectory(folder / f"seed-{seed}") for seed in range(study.seeds)]
+    planned = plan(configurations, study.out)
+    runs = prepare(planned, study.out)
+    if runs:
+        with GridProgress(console(), planned) as progress:
+            outcomes = train_population(runs, progress, workers=min(study.workers, len(runs)))
+        if any(outcome.state == "interrupted" for outcome in outcomes):
+            raise KeyboardInterrupt
+    return [entry.run for entry in planned if _is_complete(entry.run)]
 
 
 def _is_complete(run: RunDirectory) -> bool:
@@ -249,9 +238,10 @@ def _curve(run: RunDirectory) -> Iterator[dict[str, Any]]:
         }
 
 
-def write(file: Path, rows: Sequence[dict[str, Any]], name: str) -> None:
-    """Replace the rows of a condition in a table."""
-    kept = [row for row in read(file) if row["condition"] != name]
+def write(file: Path, rows: Sequence[dict[str, Any]]) -> None:
+    """Replace rows of a table, by condition and seed."""
+    new = {(row["condition"], str(row["seed"])) for row in rows}
+    kept = [row for row in read(file) if (row["condition"], row["seed"]) not in new]
     file.parent.mkdir(parents=True, exist_ok=True)
     with file.open("w", newline="") as stream:
         writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
@@ -302,21 +292,23 @@ def main(study: Study) -> None:
     policies, curves = folder / "policies.csv", folder / "curves.csv"
     for text in () if study.tables_only else study.conditions:
         condition = parsed(text)
-        runs = [run for run in trained(study, condition) if _is_complete(run)]
+        runs = trained(study, condition)
         arguments = [runs, [condition.name] * len(runs), [study.episodes] * len(runs)]
         with ProcessPoolExecutor(study.workers, mp_context=get_context("spawn")) as pool:
             found = list(pool.map(assessed, *arguments))
-        write(policies, [one.row for one in found], condition.name)
-        write(curves, [point for one in found for point in one.curve], condition.name)
+        write(policies, [one.row for one in found])
+        write(curves, [point for one in found for point in one.curve])
         (folder / "configurations").mkdir(exist_ok=True)
         kept = folder / "configurations" / f"{condition.name.replace(' ', '-')}.json"
-        content = {**runs[0].configuration.to_json(), "seed": f"0 to {study.seeds - 1}"}
+        own = [row for row in read(policies) if row["condition"] == condition.name]
+        seeds = sorted(int(row["seed"]) for row in own)
+        content = {**runs[0].configuration.to_json(), "seed": seeds}
         kept.write_text(json.dumps(content, indent=1) + "\n")
         if condition.reward in study.keep:
             for run in runs:
                 name = f"{condition.name.replace(' ', '-')}-seed-{run.configuration.seed}.bundle"
                 shutil.copy(run.policy_file("last"), folder / name)
-        print_table([row for row in read(policies) if row["condition"] == condition.name])
+        print_table(own)
     print_table(read(policies))
 
 

@@ -84,7 +84,9 @@ class GridProgress:
         self.console = console
         named = labels([entry.configuration for entry in planned])
         self._rows = {
-            entry.run: Row(self, name, entry) for name, entry in zip(named, planned, strict=True)
+            # Where there is one run only, nothing tells it from others.
+            entry.run: Row(self, name or f"seed {entry.configuration.seed}", entry)
+            for name, entry in zip(named, planned, strict=True)
         }
         self._pace, self._before = Pace(), sum(row.step for row in self._rows.values())
         self.live: Live | None = None
