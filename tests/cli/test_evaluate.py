@@ -121,11 +121,11 @@ def test_a_bundle_is_assessed_where_it_was_trained(hprs, here):
     (run,) = (here / "runs").glob("*/*/seed-0")
     bundle = run / "policy" / "last" / "policy.bundle"
     found = []
-    for subject in (run, bundle):
+    for subject in (run, bundle, bundle.parent):
         code, out, err = hprs("evaluate", subject, "--episodes", "4", "--json")
         assert (code, err) == (0, "")
         found.append(json.loads(out))
-    assert found[0]["measures"] == found[1]["measures"]
+    assert found[0]["measures"] == found[1]["measures"] == found[2]["measures"]
     assert found[0]["floors"] == found[1]["floors"]
     assert found[1]["subject"] == f"{CART_POLE}, policy {bundle}"
 

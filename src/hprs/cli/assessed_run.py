@@ -111,6 +111,23 @@ def named_environment(
     return make
 
 
+def bundle_file(subject: str) -> str | None:
+    """The bundle that a path names: itself, or the one in a folder; None if there is none.
+
+    Args:
+        subject: What stands on the command line.
+    """
+    from pathlib import Path
+
+    from hprs.training.policies import BUNDLE_SUFFIX
+    from hprs.training.session import POLICY
+
+    path = Path(subject)
+    if path.suffix == BUNDLE_SUFFIX and path.is_file():
+        return subject
+    return str(path / POLICY) if (path / POLICY).is_file() else None
+
+
 def environment_of_bundle(
     path: str,
     *,

@@ -95,29 +95,29 @@ class Evaluate:
         return 0
 
     def _subject(self) -> tuple[str, Callable[[], TaskWrapper], Mapping[str, Policy]]:
-        from hprs.training.policies import BUNDLE_SUFFIX
+        from hprs.cli.assessed_run import bundle_file
 
         if self.policy:
             return self._policy()
-        if self.subject.endswith(BUNDLE_SUFFIX) and Path(self.subject).is_file():
-            return self._bundle()
+        if (bundle := bundle_file(self.subject)) is not None:
+            return self._bundle(bundle)
         return self._run()
 
-    def _bundle(self) -> tuple[str, Callable[[], TaskWrapper], Mapping[str, Policy]]:
+    def _bundle(self, path: str) -> tuple[str, Callable[[], TaskWrapper], Mapping[str, Policy]]:
         from hprs.cli.assessed_run import environment_of_bundle
         from hprs.training.policies import check_fits
 
         name, bundle, make = environment_of_bundle(
-            self.subject,
+            path,
             task_path=self.task,
             constants=self.constants,
             options=self.options,
             horizon=self.horizon,
         )
         environment = make()
-        check_fits(self.subject, bundle, environment)
+        check_fits(path, bundle, environment)
         environment.close()
-        return f"{name}, policy {self.subject}", make, {"policy": bundle}
+        return f"{name}, policy {path}", make, {"policy": bundle}
 
     def _run(self) -> tuple[str, Callable[[], TaskWrapper], Mapping[str, Policy]]:
         from hprs.cli.assessed_run import check_which, environment_of, policies_of_runs
