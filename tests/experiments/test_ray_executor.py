@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -73,20 +73,22 @@ def tables(folder):
 
 
 def busy(folder):
-    """Of every run that is being trained after its first checkpoint the process."""
-    return {
-        lock.parent.name: int(lock.read_text())
-        for lock in folder.glob("*/*/seed-*/.lock")
-        if lock.read_text() and (lock.parent / "checkpoint").exists() and alive(lock)
-    }
+    """The processes that train runs which have been evaluated after their first step."""
+    found = []
+    for lock in folder.glob("*/*/seed-*/.lock"):
+        lines = (lock.parent / "evaluations.csv").read_text().splitlines()
+        if len({line.partition(",")[0] for line in lines}) > 2 and (pid := running(lock)):
+            found.append(pid)
+    return found
 
 
-def alive(lock):
-    try:
-        os.kill(int(lock.read_text()), 0)
-    except (ProcessLookupError, ValueError):
-        return False
-    return True
+def running(lock):
+    """The process that holds a lock; None if there is none any more."""
+    with suppress(ProcessLookupError, ValueError):
+        pid = int(lock.read_text())
+        os.kill(pid, 0)
+        return pid
+    return None
 
 
 def wait_for(condition, seconds=240.0):
@@ -122,7 +124,7 @@ def test_an_address_without_a_cluster_is_refused_at_once(grid):
 def test_a_run_whose_worker_is_killed_goes_on(grid):
     folder = grid(LONG.replace("seeds = 4", "seeds = 1"))
     with started(folder, "--ray", "local") as process:
-        [pid] = wait_for(lambda: busy(folder / "runs").values())
+        [pid] = wait_for(lambda: busy(folder / "runs"))
         os.kill(pid, signal.SIGKILL)
         printed, _ = process.communicate()
     assert process.returncode == 0, printed

@@ -9,7 +9,8 @@ import pytest
 
 from hprs.explanation.explanation import explain
 from hprs.explanation.film import Film
-from hprs.explanation.page import embedded, page
+from hprs.explanation.page import page
+from hprs.training.page_data import embedded
 from tests.explanation.episodes import TASK, short_film, trace
 
 HOSTILE = "</title><script>alert(1)</script>{{data}}<!-- & \u2028"

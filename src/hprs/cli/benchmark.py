@@ -95,7 +95,7 @@ class Benchmark:
 
         runs = prepare(planned, self.out)
         if not runs:
-            out.print(f"All {len(planned)} runs are done. Assess them with: hprs evaluate RUN")
+            out.print(f"All {len(planned)} runs are done. Show them with: hprs report {self.out}")
             return 0
         with GridProgress(out, planned) as progress:
             outcomes = self._executed(runs, progress, workers)
@@ -107,6 +107,8 @@ class Benchmark:
             return 130
         complete = len(planned) - len(failed)
         out.print(f"{complete} of {len(planned)} runs are done, in {self.out}.", soft_wrap=True)
+        if complete:
+            out.print(f"Show them with: hprs report {self.out}", soft_wrap=True)
         return 1 if failed else 0
 
     def _executed(

@@ -64,6 +64,7 @@ class Evaluate:
         from hprs.training.demanding import held_at_every_reset, remarks
         from hprs.training.evaluation import FINAL_SEEDS, episode_seeds, evaluate
         from hprs.training.intervals import require_statistics
+        from hprs.training.policies import floors
 
         for option, value in (("episodes", self.episodes), ("horizon", self.horizon)):
             if value is not None and value < 1:
@@ -74,12 +75,12 @@ class Evaluate:
         environment = make()
         task, space = environment.task, environment.action_space
         environment.close()
-        floors = {
+        lower = {
             name: policy
-            for name, policy in _floors(space).items()
+            for name, policy in floors(space).items()
             if self.policy != {"doing nothing": "zero"}.get(name, name)
         }
-        count = len(floors) + len(policies)
+        count = len(lower) + len(policies)
         screen = console(stderr=True)
         with EvaluationProgress(screen, policies=count, episodes=self.episodes) as progress:
 
@@ -87,7 +88,7 @@ class Evaluate:
                 episodes = evaluate(make, policy, seeds, progress.watcher(name))
                 return [episode.assessment for episode in episodes]
 
-            lowest = {name: assessments(name, policy) for name, policy in floors.items()}
+            lowest = {name: assessments(name, policy) for name, policy in lower.items()}
             found = {name: assessments(name, policy) for name, policy in policies.items()}
         too_little = remarks(task, held_at_every_reset(make, seeds), lowest)
         show = _print_json if self.json else _print
@@ -162,16 +163,6 @@ class Evaluate:
         from hprs.envs.registration import benchmark_of
 
         return self.subject in gym.registry or benchmark_of(self.subject) is not None
-
-
-def _floors(space: Any) -> dict[str, Policy]:
-    from hprs.training.policies import RandomPolicy, do_nothing
-    from hprs.wrappers.signals import zero_action
-
-    floors: dict[str, Policy] = {"random": RandomPolicy(space, seed=0)}
-    if zero_action(space) is not None:
-        floors = {"doing nothing": do_nothing(space), **floors}
-    return floors
 
 
 def _worst(task: Task, found: Mapping[str, Sequence[Assessment]]) -> dict[str, tuple[float, str]]:

@@ -18,6 +18,8 @@ from hprs.training.intervals import LEVEL
 
 DRAWS = 10_000
 """Of a bootstrap."""
+BAND_DRAWS = 1_000
+"""Of the band along a curve, which is looked at rather than read."""
 FAILED = 0.5
 """A seed whose S+T is below this has not learned the task."""
 ENOUGH, IN_A_ROW = 0.9, 3
@@ -63,6 +65,24 @@ def interval(
         only = np.asarray(statistic(sample, axis=-1))
         return only, only
     return _bootstrap((sample,), statistic, seed)
+
+
+def interquartile_band(values: npt.ArrayLike, *, seed: int = 0) -> tuple[Numbers, Numbers]:
+    """The 95 % intervals of the interquartile means along a curve, all of the same draws of seeds.
+
+    Args:
+        values: (k, seeds).
+        seed: Of the draws.
+
+    Returns:
+        Lower and upper ends, (k,).
+    """
+    sample = np.asarray(values, dtype=float)
+    seeds = sample.shape[-1]
+    drawn = np.random.default_rng(seed).integers(seeds, size=(BAND_DRAWS, seeds))
+    ends = [(1 - LEVEL) / 2, (1 + LEVEL) / 2]
+    low, high = np.quantile(interquartile_mean(sample[:, drawn]), ends, axis=-1)
+    return low, high
 
 
 def difference_interval(

@@ -7,10 +7,7 @@ ever markup: the script writes it as text, and the data cannot close the element
 from __future__ import annotations
 
 import base64
-import html
-import json
 import math
-import re
 from collections.abc import Iterable, Sequence
 from importlib.resources import files
 from typing import Any
@@ -23,6 +20,7 @@ from hprs.explanation.outline import Outline, axis, outline
 from hprs.explanation.palette import colours, failing
 from hprs.explanation.wording import bound, judgement, summary, verdict
 from hprs.spec.printer import format_task
+from hprs.training.page_data import filled
 
 _DIGITS = 9
 """Significant ones of the numbers in a page."""
@@ -33,21 +31,7 @@ _LARGEST = 1e308
 def page(explanation: Explanation, film: Film) -> str:
     """The explanation as an HTML page."""
     template = files("hprs.explanation").joinpath("page.html").read_text(encoding="utf-8")
-    filled = {
-        "title": html.escape(explanation.title),
-        "data": embedded(content(explanation, film)),
-    }
-    # In one pass, so that what is filled in is not searched.
-    return re.sub(r"\{\{(title|data)\}\}", lambda place: filled[place[1]], template)
-
-
-def embedded(value: Any) -> str:
-    """A value as JSON that can stand in a script element."""
-    text = json.dumps(value, separators=(",", ":"), allow_nan=False)
-    # Neither a closing tag nor a comment can appear without these.
-    for character in "<>&":
-        text = text.replace(character, f"\\u{ord(character):04x}")
-    return text
+    return filled(template, explanation.title, content(explanation, film))
 
 
 def content(explanation: Explanation, film: Film) -> dict[str, Any]:

@@ -6,12 +6,17 @@ import csv
 import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
 
 from hprs.errors import RunError
 from hprs.spec.task import Task
 from hprs.training import files
 from hprs.training.evaluation import Episode
+
+Columns: TypeAlias = dict[str, npt.NDArray[np.float64]]
 
 FIXED_COLUMNS = ("step", "seed", "length", "return", "pam", "safe", "target")
 
@@ -59,6 +64,25 @@ def read(file: Path) -> list[dict[str, float]]:
         dict(zip(names, _numbers(file, line, row, len(names)), strict=True))
         for line, row in enumerate(rows, start=2)
     ]
+
+
+def read_columns(file: Path) -> Columns:
+    """All complete rows, as an array a column: as `read`, and many times as fast.
+
+    Raises:
+        RunError: The file is missing or damaged.
+    """
+    first, rows, _ = _split(file)
+    names = first.rstrip("\n").split(",")
+    try:
+        values = np.loadtxt(rows, delimiter=",", ndmin=2) if rows else np.empty((0, len(names)))
+    except ValueError:
+        values = np.empty((0, 0))
+    if values.shape[1] != len(names):
+        # It says which line is wrong.
+        found = read(file)
+        return {name: np.array([row[name] for row in found]) for name in names}
+    return dict(zip(names, values.T, strict=True))
 
 
 def is_empty(file: Path) -> bool:

@@ -88,6 +88,12 @@ def do_nothing(space: gym.Space[Any]) -> ConstantPolicy:
     return ConstantPolicy(action)
 
 
+def floors(space: gym.Space[Any]) -> dict[str, Policy]:
+    """What any policy should beat: doing nothing, where there is a zero, and random actions."""
+    random = {"random": RandomPolicy(space, seed=0)}
+    return random if zero_action(space) is None else {"doing nothing": do_nothing(space), **random}
+
+
 @dataclass(frozen=True)
 class ForeignPolicy:
     """A user's function, whose actions are checked; those outside a `Box` are clipped to it."""

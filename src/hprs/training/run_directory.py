@@ -96,9 +96,14 @@ class RunDirectory:
         return content
 
     @property
+    def versions(self) -> dict[str, str]:
+        """What it was made with: package to version."""
+        return dict(self._content.get("versions", {}))
+
+    @property
     def changed_versions(self) -> list[str]:
         """What can change numbers and is of another version than when the run was made."""
-        now, then = versions(), self._content.get("versions", {})
+        now, then = versions(), self.versions
         return [
             f"{package} {then[package]} (now {now[package]})"
             for package in now
@@ -226,6 +231,10 @@ class RunDirectory:
             RunError: The file cannot be read.
         """
         return evaluation_table.read(self.path / EVALUATIONS_FILE)
+
+    def evaluation_columns(self) -> evaluation_table.Columns:
+        """The same, an array a column: faster where there are many runs."""
+        return evaluation_table.read_columns(self.path / EVALUATIONS_FILE)
 
     def save_policy(self, which: Which, *, trainer: str, step: int, name: str, data: bytes) -> None:
         """Keep a policy.
