@@ -271,11 +271,11 @@ def test_mistakes_are_explained(command, tmp_path):
     for arguments, code, message in (
         (
             ("gone",),
-            1,
+            2,
             "'gone' does not exist: give the folder that hprs benchmark or train wrote.",
         ),
-        (("empty",), 1, "'empty' holds no run"),
-        (("new", "--no-pictures"), 1, "'new' holds no run with results."),
+        (("empty",), 2, "'empty' holds no run"),
+        (("new", "--no-pictures"), 2, "'new' holds no run with results."),
         (
             ("new", "--compare", "papr"),
             2,
