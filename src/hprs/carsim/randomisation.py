@@ -83,18 +83,21 @@ class Quantity:
     """The range on the track GM where the paper's code has another one."""
     released: bool = False
     """Whether the paper's code varies it."""
-    tested: tuple[float, float] | None = None
-    """How far a policy is tested, where half an end of the range beyond it would make no sense."""
+    chosen: tuple[float, ...] = ()
+    """Values to test a policy under, where half an end of the range beyond it makes no sense."""
 
     @property
-    def limits(self) -> tuple[float, float]:
-        """How far a policy is tested: `tested`, or half of each end of the range beyond it."""
-        if self.tested:
-            return self.tested
-        return self.low - _BEYOND * abs(self.low), self.high + _BEYOND * abs(self.high)
+    def tested(self) -> tuple[float, ...]:
+        """Values under which a policy is tested, ascending: in the range and beyond both ends."""
+        if self.chosen:
+            return self.chosen
+        below = [self.low - share * abs(self.low) for share in _BEYOND[::-1]]
+        above = [self.high + share * abs(self.high) for share in _BEYOND]
+        within = [self.low, (self.low + self.high) / 2, self.high]
+        return tuple(sorted({round(value, 6) for value in (*below, *within, *above)}))
 
 
-_BEYOND = 0.5
+_BEYOND = (0.25, 0.5)
 """How far beyond its range a quantity is tested, over the range's end."""
 _CODE = "the paper's code"
 _ADDED = "added"
@@ -107,7 +110,10 @@ QUANTITIES = (
     Quantity("steering_gain", "1", 0.5, 0.5, 0.75, _CODE, gm=(0.6, 0.75), released=True),
     Quantity("velocity_noise", "1", 0.01, 0.01, 0.05, _CODE, released=True),
     # Further out a car that is turned as well would begin its episode in the wall.
-    Quantity("start_offset", "1", 0.0, -1.0, 1.0, _CODE, released=True, tested=(-1.25, 1.25)),
+    Quantity(
+        "start_offset", "1", 0.0, -1.0, 1.0, _CODE, released=True,
+        chosen=(-1.25, -1.0, -0.5, 0.0, 0.5, 1.0, 1.25),
+    ),
     Quantity(
         "start_heading", "rad", 0.0, -0.2, 0.2,
         "the paper's code: towards a random place 2.5 to 5 % of a lap ahead", released=True,
@@ -117,10 +123,10 @@ QUANTITIES = (
     Quantity("motor_time", "s", 0.1, 0.05, 0.2, _ADDED),
     Quantity("steering_time", "s", 0.05, 0.03, 0.1, _ADDED),
     Quantity("steering_offset", "rad", 0.0, -0.02, 0.02, f"{_ADDED}; trim of the servo"),
-    # A command that is obeyed 200 ms late.
+    # Tested up to 200 ms.
     Quantity(
         "delay", "simulation steps of 0.01 s", 0.0, 0.0, 5.0, f"{_ADDED}; computer and bus",
-        tested=(0.0, 20.0),
+        chosen=tuple(map(float, range(0, 21, 2))),
     ),
     Quantity("lidar_noise", "1", 0.03, 0.0, 0.03, f"{_ADDED}; always 0.03 in the paper's code"),
 )

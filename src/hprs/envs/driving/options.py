@@ -214,6 +214,19 @@ def _stack(value: Any, reverse: bool) -> Track:
     return stack_tracks([_load(one, reverse) for one in _listed(value)])
 
 
+def track_names(tracks: TrackLike | Sequence[TrackLike]) -> list[str]:
+    """Names of the tracks that an option stands for; a loaded `Track` has none.
+
+    Raises:
+        UsageError: It stands for no tracks.
+    """
+    return [
+        "+".join(map(str, one)) if _is_pair(one) else str(one)
+        for one in _listed(tracks)
+        if not isinstance(one, Track)
+    ]
+
+
 def _listed(value: Any) -> Sequence[Any]:
     """Tracks one by one."""
     if isinstance(value, str | Path | Track) or _is_pair(value):
