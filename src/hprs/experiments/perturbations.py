@@ -41,7 +41,9 @@ _SHOWN = {"delay": ("latency", "ms", _MILLISECONDS)}
 """Quantity to the name, the unit and the factor under which people know it."""
 
 
-@partial(jax.tree_util.register_dataclass, data_fields=["ranges", "faults", "track"], meta_fields=[])
+@partial(
+    jax.tree_util.register_dataclass, data_fields=["ranges", "faults", "track"], meta_fields=[]
+)
 @dataclass(frozen=True)
 class Conditions:
     """What episodes run under; leaves may have a leading axis, of points."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -11,12 +11,24 @@ import jax
 import numpy as np
 from jax import Array
 
+from hprs.carsim.track import stack_tracks
 from hprs.envs.driving.simulation import Simulation
 from hprs.envs.simulated import draw_key
-from hprs.experiments.perturbations import Conditions, Point, stacked
+from hprs.experiments.perturbations import (
+    Conditions,
+    NamedTrack,
+    Point,
+    points,
+    stacked,
+    track_points,
+)
+from hprs.experiments.robustness_result import Row, rows_of
 from hprs.semantics.assessment import Assessment, assess
+from hprs.training.compilation import keep_compiled_programs
 from hprs.training.device import DeviceEnvironment, Running
 from hprs.training.policies import BatchedPolicy
+from hprs.training.simulations import device_environment, simulation_of
+from hprs.wrappers.single import TaskWrapper
 
 ROWS = 160
 """Episodes that one compiled step advances together, about."""
@@ -36,11 +48,63 @@ class _Under:
         return self.simulation.step(state, action)
 
 
+def try_policies(
+    name: str,
+    make: Callable[[], TaskWrapper],
+    policies: Mapping[str, Any],
+    *,
+    seen: Sequence[str],
+    sweeps: Mapping[str, Sequence[float]],
+    tracks: Sequence[NamedTrack],
+    seeds: Sequence[int],
+    watcher: Callable[[str], Callable[[int], None]],
+) -> list[Row]:
+    """Test the policies of one training, whose episodes are pooled.
+
+    Args:
+        name: What the training is called.
+        make: Makes the environment as it was in the training.
+        policies: By the names of their seeds.
+        seen: Names of the tracks of the training.
+        sweeps: Name of a perturbation to its values.
+        tracks: Tracks to drive on, besides.
+        seeds: Of the episodes at every point.
+        watcher: Gives what is told how many episodes of a policy are complete.
+
+    Raises:
+        UsageError: There is no such perturbation, or a value is impossible.
+    """
+    keep_compiled_programs()
+    wrapped = make()
+    simulation = simulation_of(wrapped)
+    environment = device_environment(wrapped.task, wrapped.reward, wrapped)
+    wrapped.close()
+    groups = [(simulation, points(simulation.settings, sweeps))]
+    if tracks:
+        stack = stack_tracks([each.track for each in tracks])
+        on_tracks = track_points(simulation.settings, tracks, seen)
+        groups.append((replace(simulation, tracks=stack), on_tracks))
+    found: list[tuple[Point, list[Assessment]]] = [
+        (point, []) for _, chosen in groups for point in chosen
+    ]
+    for seed, policy in policies.items():
+        watch = watcher(f"{name}, {seed}" if len(policies) > 1 else name)
+        at = 0
+        for driven, chosen in groups:
+            on_device = jax.device_put(driven)
+            for some in assessments(environment, on_device, policy, chosen, seeds):
+                for episodes in some:
+                    found[at][1].extend(episodes)
+                    at += 1
+                watch(at * len(seeds))
+    return rows_of(name, environment.task, found)
+
+
 def assessments(
     environment: DeviceEnvironment,
     simulation: Simulation,
     policy: BatchedPolicy,
-    points: Sequence[Point],
+    chosen: Sequence[Point],
     seeds: Sequence[int],
 ) -> Iterator[list[list[Assessment]]]:
     """Run the same seeded episodes at every point.
@@ -52,22 +116,22 @@ def assessments(
         environment: Task and reward on the simulation.
         simulation: What is driven.
         policy: What drives.
-        points: Where; all of them name a track, or none does.
+        chosen: Where; all of them name a track, or none does.
         seeds: One an episode.
 
     Yields:
         For some more points, the assessments of their episodes in the order of the seeds.
     """
     keys = np.stack([draw_key(np.random.default_rng(seed)) for seed in seeds])
-    together = max(1, min(len(points), ROWS // len(seeds)))
-    for start in range(0, len(points), together):
-        chosen = points[start : start + together]
-        # Filled up with its last point, so that one program serves all.
-        filled = [*chosen, *[chosen[-1]] * (together - len(chosen))]
+    together = max(1, min(len(chosen), ROWS // len(seeds)))
+    for start in range(0, len(chosen), together):
+        some = chosen[start : start + together]
+        # Filled up with the last point, so that one program serves all.
+        filled = [*some, *[some[-1]] * (together - len(some))]
         values, ended = _run(environment, simulation, policy, stacked(filled), keys)
         yield [
             [_assessed(environment, values, ended, point, row) for row in range(len(seeds))]
-            for point in range(len(chosen))
+            for point in range(len(some))
         ]
 
 
