@@ -126,7 +126,7 @@ QUANTITIES = (
     # Tested up to 200 ms.
     Quantity(
         "delay", "simulation steps of 0.01 s", 0.0, 0.0, 5.0, f"{_ADDED}; computer and bus",
-        chosen=tuple(map(float, range(0, 21, 2))),
+        chosen=tuple(map(float, range(21))),
     ),
     Quantity("lidar_noise", "1", 0.03, 0.0, 0.03, f"{_ADDED}; always 0.03 in the paper's code"),
 )
