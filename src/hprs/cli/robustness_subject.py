@@ -16,10 +16,9 @@ from hprs.cli.assessed_run import (
     policy_by_name,
 )
 from hprs.deploy import load_bundle
-from hprs.envs.driving.options import track_names
+from hprs.envs.driving.options import BACKWARDS, track_names
 from hprs.envs.functional import FUNCTIONAL
 from hprs.errors import UsageError
-from hprs.experiments.perturbations import BACKWARDS
 from hprs.training.algorithms import parse_settings
 from hprs.training.policies import BUNDLE_SUFFIX, Policy
 from hprs.training.run_directory import find_runs
@@ -107,4 +106,10 @@ def _check_drives(name: str, environment: str) -> None:
 def _seen(environment: str, options: Mapping[str, Any]) -> list[str]:
     """Names of the tracks of a training."""
     names = track_names(options.get("tracks", FUNCTIONAL[environment].tracks))
-    return [name + BACKWARDS * bool(options.get("reverse", False)) for name in names]
+    if not options.get("reverse", False):
+        return names
+    turned = [name.removesuffix(BACKWARDS) for name in names]
+    return [
+        plain if plain != name else name + BACKWARDS
+        for name, plain in zip(names, turned, strict=True)
+    ]

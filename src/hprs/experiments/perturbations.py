@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import count, islice
 from typing import Any
 
 import jax
@@ -23,6 +24,7 @@ from hprs.carsim.random_track import random_track
 from hprs.carsim.randomisation import QUANTITIES, Quantity, Ranges, narrowed
 from hprs.carsim.track import Track
 from hprs.carsim.vehicle import TIME_STEP
+from hprs.envs.driving.options import BACKWARDS, RANDOM
 from hprs.errors import UsageError, did_you_mean
 
 AS_TRAINED = "as trained"
@@ -33,8 +35,6 @@ GENERATED = 20
 """Generated tracks of a test."""
 FIRST_GENERATED = 1000
 """Seed of the first of them; trainings count theirs from 0."""
-BACKWARDS = " backwards"
-"""Behind the name of a track that is driven the other way round."""
 
 _MILLISECONDS = 1000 * TIME_STEP
 _SHOWN = {"delay": ("latency", "ms", _MILLISECONDS)}
@@ -136,7 +136,9 @@ def _fault(usual: Conditions, name: str, value: float) -> Point:
 
 
 def tracks_of_test(seen: Sequence[str]) -> list[NamedTrack]:
-    """The built-in tracks both ways, and generated ones of which none is among those seen.
+    """The built-in tracks both ways, and generated ones, half of them backwards.
+
+    None of the generated ones is among those seen, whichever way.
 
     Args:
         seen: Names of the tracks of the trainings.
@@ -146,11 +148,13 @@ def tracks_of_test(seen: Sequence[str]) -> list[NamedTrack]:
         for reverse in (False, True)
         for name in DESIGNS
     ]
-    seed = FIRST_GENERATED
-    while len(found) < 2 * len(DESIGNS) + GENERATED:
-        if f"random:{seed}" not in seen:
-            found.append(NamedTrack(f"random:{seed}", random_track(seed)))
-        seed += 1
+    known = {name.removesuffix(BACKWARDS) for name in seen}
+    unseen = (seed for seed in count(FIRST_GENERATED) if f"{RANDOM}{seed}" not in known)
+    for number, seed in enumerate(islice(unseen, GENERATED)):
+        # They all turn left in the end: the second half turns right.
+        reverse = number >= GENERATED // 2
+        name = f"{RANDOM}{seed}{BACKWARDS * reverse}"
+        found.append(NamedTrack(name, random_track(seed, reverse=reverse)))
     return found
 
 

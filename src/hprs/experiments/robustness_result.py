@@ -5,18 +5,18 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from hprs.envs.driving.options import RANDOM
-from hprs.experiments.perturbations import GENERATED, TRACK, Point
+from hprs.envs.driving.options import BACKWARDS, RANDOM
+from hprs.experiments.perturbations import TRACK, Point
 from hprs.semantics.assessment import Assessment
 from hprs.spec.task import Task
 from hprs.training.measures import Measure, measures
 
 SHOWN = ("S", "S+T", "S+T+C")
 """Measures of a row."""
-ALL_GENERATED = f"{GENERATED} generated"
-"""The row that pools the generated tracks that no policy of the test has seen."""
+POOLED = "all generated"
+"""The row that pools the generated tracks, which no policy of the test has seen."""
 
 
 @dataclass(frozen=True)
@@ -57,18 +57,20 @@ def row_of(policy: str, point: Point, task: Task, found: Sequence[Assessment]) -
 def rows_of(
     policy: str, task: Task, found: Sequence[tuple[Point, Sequence[Assessment]]]
 ) -> list[Row]:
-    """The rows of all points, and of the generated tracks together."""
+    """The rows of all points, and of the generated tracks together, for each way round."""
     rows = [row_of(policy, point, task, episodes) for point, episodes in found]
-    generated = [
-        (point, episodes)
-        for point, episodes in found
-        if point.perturbation == TRACK and point.value.startswith(RANDOM)
-    ]
-    if generated:
-        pooled = [one for _, episodes in generated for one in episodes]
-        row = row_of(policy, generated[0][0], task, pooled)
-        # Its point is that of the first track but for the name.
-        rows.append(Row(**{**vars(row), "value": ALL_GENERATED}))
+    for backwards in (False, True):
+        generated = [
+            (point, episodes)
+            for point, episodes in found
+            if point.perturbation == TRACK
+            and point.value.startswith(RANDOM)
+            and point.value.endswith(BACKWARDS) == backwards
+        ]
+        if generated:
+            point = replace(generated[0][0], value=POOLED + BACKWARDS * backwards)
+            pooled = [one for _, episodes in generated for one in episodes]
+            rows.append(row_of(policy, point, task, pooled))
     return rows
 
 

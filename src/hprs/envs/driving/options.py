@@ -26,7 +26,7 @@ from hprs.errors import UsageError, did_you_mean
 
 TrackLike: TypeAlias = str | Path | Track | Sequence[str | Path]
 """A built-in track, `random:SEED`, several (`random:0-15`), a map file, `map.yaml+line.csv` or that
-pair, or a track."""
+pair, or a track; ` backwards` behind a name turns it round."""
 Environment = TypeVar("Environment", bound=type)
 
 MAP_SUFFIXES = (".yaml", ".yml")
@@ -35,6 +35,8 @@ LINE_SUFFIX = ".csv"
 """How the name of a centre line's file ends."""
 RANDOM = "random:"
 """What a seed of a random track stands behind."""
+BACKWARDS = " backwards"
+"""Behind the name of a track that is driven the other way round."""
 MOST_RANDOM = 100
 """Random tracks that one name may stand for: each takes a while to make."""
 STARTS = ("random", "grid")
@@ -240,14 +242,16 @@ def _several(value: Any) -> Sequence[Any]:
     """The tracks of `random:FIRST-LAST`; of anything else, itself."""
     if not isinstance(value, str) or not value.startswith(RANDOM):
         return (value,)
-    first, dash, last = value.removeprefix(RANDOM).partition("-")
+    plain = value.removesuffix(BACKWARDS)
+    backwards = value[len(plain) :]
+    first, dash, last = plain.removeprefix(RANDOM).partition("-")
     if not dash:
         return (value,)
     if not (first.isdecimal() and last.isdecimal() and int(first) <= int(last)):
         raise UsageError(f"'{value}' needs its first and its last seed, as in {RANDOM}0-15.")
     if int(last) - int(first) >= MOST_RANDOM:
         raise UsageError(f"'{value}' is more than {MOST_RANDOM} tracks.")
-    return [f"{RANDOM}{seed}" for seed in range(int(first), int(last) + 1)]
+    return [f"{RANDOM}{seed}{backwards}" for seed in range(int(first), int(last) + 1)]
 
 
 def _is_pair(value: Any) -> bool:
@@ -264,6 +268,8 @@ def _is_pair(value: Any) -> bool:
 def _load(track: Any, reverse: bool) -> Track:
     if isinstance(track, Track):
         return _given(track, reverse)
+    if isinstance(track, str) and track.endswith(BACKWARDS):
+        return _load(track.removesuffix(BACKWARDS), not reverse)
     if not isinstance(track, str | Path) and not _is_pair(track):
         raise _no_track(track)
     path, line = _files(str(track)) if isinstance(track, str | Path) else map(str, track)
