@@ -25,6 +25,7 @@ Examples:
   hprs compare RUN RUN                        two policies on the same episodes
   hprs benchmark GRID.toml                    a whole study: rewards, environments, seeds
   hprs report RUNS                            curves, tables and one page of many runs
+  hprs robustness RUN                         a driving policy under what it never saw
 """
 
 COMMANDS: Mapping[str, str] = MappingProxyType(
@@ -39,6 +40,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "compare": "Compare",
         "benchmark": "Benchmark",
         "report": "Report",
+        "robustness": "Robustness",
     }
 )
 """Subcommand to its class, which lives in the module of the same name; in the order of the help."""
