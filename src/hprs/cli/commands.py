@@ -24,6 +24,7 @@ Examples:
   hprs watch RUN                              a video with each requirement's state on it
   hprs compare RUN RUN                        two policies on the same episodes
   hprs benchmark GRID.toml                    a whole study: rewards, environments, seeds
+  hprs export RUN policy.bundle               files that run without hprs, as on a robot
 """
 
 COMMANDS: Mapping[str, str] = MappingProxyType(
@@ -37,6 +38,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "watch": "Watch",
         "compare": "Compare",
         "benchmark": "Benchmark",
+        "export": "Export",
     }
 )
 """Subcommand to its class, which lives in the module of the same name; in the order of the help."""

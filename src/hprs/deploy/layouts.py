@@ -99,6 +99,8 @@ class BoxLayout:
     mapping: str = "clip"
     """`clip`: -1 to 1 is mapped to the bounds; `tanh`: its hyperbolic tangent is; `raw`: y itself.
     Without two finite bounds it is always y itself. What is then beyond a bound is clipped."""
+    details: Mapping[str, Any] = field(default_factory=dict)
+    """Labels, units and limits: JSON values, for whoever obeys the actions."""
 
     def __post_init__(self) -> None:
         """Raise BundleError where the parts do not fit together."""
@@ -135,6 +137,8 @@ class ChoiceLayout:
     """Choices, one output each."""
     start: int = 0
     """The first one."""
+    details: Mapping[str, Any] = field(default_factory=dict)
+    """As of `BoxLayout`."""
 
     def __post_init__(self) -> None:
         """Raise BundleError where there is nothing to choose."""
