@@ -62,7 +62,20 @@ class Export:
             raise BundleError(f"{runtime} cannot be written: {error.strerror}.") from None
         print(f"Written: {self.out}, which has checked itself")
         print(f"Written: {runtime}")
+        print(self._onnx(bundle))
         return 0
+
+    def _onnx(self, bundle: Bundle) -> str:
+        """Write the ONNX file where its package is installed; says what was done."""
+        from hprs.errors import MissingExtraError
+
+        file = self.out.with_suffix(".onnx")
+        try:
+            from hprs.deploy.onnx import OPSET, save_onnx
+        except MissingExtraError as error:
+            return f"Not written: {file}. {error}"
+        save_onnx(bundle, file)
+        return f"Written: {file}, of opset {OPSET}"
 
     def _found(self) -> tuple[Bundle, TaskWrapper]:
         """The bundle, with all that is known of where it comes from, and its environment."""

@@ -108,7 +108,9 @@ def _kept(module: str, node: ast.AST) -> List[str]:
         return []
     if source.split(".")[0] == _PACKAGE:
         if source[len(_PACKAGE) + 1 :] not in MODULES[: MODULES.index(module)]:
-            raise ValueError("{} imports {}, which does not stand before it.".format(module, source))
+            raise ValueError(
+                "{} imports {}, which does not stand before it.".format(module, source)
+            )
         renamed = [alias.name for alias in node.names if alias.asname not in (None, alias.name)]
         if renamed:
             raise ValueError("{} imports {} under another name.".format(module, renamed[0]))
