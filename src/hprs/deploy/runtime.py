@@ -15,6 +15,11 @@ MODULES = (
     "deploy.layouts",
     "deploy.bundle",
     "deploy.archive",
+    "deploy.scan",
+    "deploy.driving",
+    "deploy.monitor",
+    "deploy.record",
+    "deploy.loop",
     "deploy.command",
 )
 """What the runtime is made of, below `hprs`; each needs only those before it."""
