@@ -26,6 +26,7 @@ Examples:
   hprs benchmark GRID.toml                    a whole study: rewards, environments, seeds
   hprs report RUNS                            curves, tables and one page of many runs
   hprs robustness RUN                         a driving policy under what it never saw
+  hprs export RUN policy.bundle               files that run without hprs, as on a robot
 """
 
 COMMANDS: Mapping[str, str] = MappingProxyType(
@@ -41,6 +42,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "benchmark": "Benchmark",
         "report": "Report",
         "robustness": "Robustness",
+        "export": "Export",
     }
 )
 """Subcommand to its class, which lives in the module of the same name; in the order of the help."""
