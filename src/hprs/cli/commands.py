@@ -25,6 +25,7 @@ Examples:
   hprs compare RUN RUN                        two policies on the same episodes
   hprs benchmark GRID.toml                    a whole study: rewards, environments, seeds
   hprs export RUN policy.bundle               files that run without hprs, as on a robot
+  hprs drive policy.bundle --ros1             drive a car with a policy
 """
 
 COMMANDS: Mapping[str, str] = MappingProxyType(
@@ -39,6 +40,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "compare": "Compare",
         "benchmark": "Benchmark",
         "export": "Export",
+        "drive": "Drive",
     }
 )
 """Subcommand to its class, which lives in the module of the same name; in the order of the help."""
