@@ -148,7 +148,6 @@ def test_in_the_simulator_beams_are_those_of_the_training():
         found = resample(car.scan(), driving.beams, Mounting(driving.beams.ahead))
         wrong.append(np.abs(found / exact - 1))
     wrong = np.concatenate(wrong)
+    assert np.quantile(wrong, 0.99) < 1e-3
     # Only beams that pass a corner closely differ: by an eighth of a degree they see past it.
-    print(np.quantile(wrong, [0.5, 0.9, 0.99, 1]), (wrong > 0.01).mean())
-    assert np.median(wrong) < 1e-4
-    assert np.quantile(wrong, 0.97) < 0.01
+    assert (wrong > 0.01).mean() < 0.005

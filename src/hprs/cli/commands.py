@@ -27,6 +27,7 @@ Examples:
   hprs report RUNS                            curves, tables and one page of many runs
   hprs robustness RUN                         a driving policy under what it never saw
   hprs export RUN policy.bundle               files that run without hprs, as on a robot
+  hprs drive policy.bundle --ros1             drive a car with a policy
 """
 
 COMMANDS: Mapping[str, str] = MappingProxyType(
@@ -43,6 +44,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "report": "Report",
         "robustness": "Robustness",
         "export": "Export",
+        "drive": "Drive",
     }
 )
 """Subcommand to its class, which lives in the module of the same name; in the order of the help."""

@@ -91,9 +91,7 @@ class Driving:
             raise BundleError(
                 "its layout has {} numbers ({}), its observations shape {}.".format(
                     size,
-                    ", ".join(
-                        "{} {} x {}".format(p.name, p.history, p.width) for p in found.parts
-                    ),
+                    ", ".join("{} {} x {}".format(p.name, p.history, p.width) for p in found.parts),
                     bundle.observation.shape,
                 )
             )

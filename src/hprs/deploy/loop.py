@@ -103,6 +103,7 @@ class ControlLoop:
         self._speed: Optional[Tuple[float, float]] = None
         self._held: Tuple[float, bool] = (-float("inf"), False)
         self._signals: Mapping[str, Any] = {}
+        self._judged: Mapping[str, Any] = {}
         self._memory = self.driving.memory()
         self._phase, self._reason = WAITING, "nothing was heard yet"
         self._angle = 0.0
@@ -215,6 +216,7 @@ class ControlLoop:
         trouble = self._silence(now) or self._sensed()
         speed = float("nan") if self._speed is None else self._speed[1]
         signals = {**self._signals, **self._memory.signals(speed)}
+        self._judged = signals
         self.verdicts = self.monitor(signals)
         violated = violated_safety(self.verdicts)
         if violated and not trouble:

@@ -20,6 +20,7 @@ MODULES = (
     "deploy.monitor",
     "deploy.record",
     "deploy.loop",
+    "deploy.ros1",
     "deploy.command",
 )
 """What the runtime is made of, below `hprs`; each needs only those before it."""
@@ -30,6 +31,7 @@ _PACKAGE = "hprs"
 _HEAD = '''"""Runs a policy bundle with Python 3.8 or later and NumPy alone; written by {writer}.
 
 python3 {name} policy.bundle            check the policy, and say what it is
+python3 {name} policy.bundle --ros1     drive a car with it; --help lists the options
 
 import {module}
 bundle = {module}.load_bundle("policy.bundle")
