@@ -67,7 +67,7 @@ class Driving:
     """Largest angle of the wheels, rad."""
 
     @staticmethod
-    def of(bundle: Bundle) -> "Driving":
+    def of(bundle: Bundle) -> Driving:
         """What a bundle says.
 
         Raises:
@@ -102,7 +102,7 @@ class Driving:
             )
         return found
 
-    def memory(self) -> "Memory":
+    def memory(self) -> Memory:
         """A memory of a car that stands, before its first reading."""
         return Memory(self)
 
