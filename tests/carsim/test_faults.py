@@ -57,7 +57,9 @@ def test_a_lost_scan_is_the_one_before():
 
 
 def test_the_speed_is_scaled_then_shifted():
-    assert float(faulty_speed(jnp.float32(2.0), Faults(speed_scale=1.5, speed_offset=-0.25))) == 2.75
+    assert (
+        float(faulty_speed(jnp.float32(2.0), Faults(speed_scale=1.5, speed_offset=-0.25))) == 2.75
+    )
 
 
 def test_the_table_names_the_fields_and_their_neutral_values():
