@@ -42,7 +42,7 @@ class _Under:
     track: Array | np.ndarray | None
 
     def reset(self, key: Array) -> Any:
-        return self.simulation.reset(key, self.track)
+        return self.simulation.reset(key, self.track)  # type: ignore[arg-type]
 
     def step(self, state: Any, action: Array) -> Any:
         return self.simulation.step(state, action)

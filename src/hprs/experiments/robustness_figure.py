@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 from hprs.experiments.perturbations import AS_TRAINED, TRACK
 from hprs.experiments.robustness_result import Row
@@ -119,12 +119,20 @@ def _legend(figure, policies: Sequence[str]) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    handles = [
+    handles: list[Any] = [
         Line2D([], [], color=colour, linewidth=2.5, label=policy)
         for policy, colour in zip(policies, _COLOURS, strict=False)
     ]
     handles += [
-        Line2D([], [], color="0.3", linestyle=line, marker=marker, markersize=3, label=name)
+        Line2D(
+            [],
+            [],
+            color="0.3",
+            linestyle=cast("Any", line),
+            marker=marker,
+            markersize=3,
+            label=name,
+        )
         for name, (line, marker) in _LINES.items()
     ]
     handles.append(Patch(color=_TRAINED, alpha=0.25, label="values of the training"))

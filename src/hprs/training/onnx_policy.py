@@ -93,7 +93,9 @@ def _opened(name: str) -> tuple[Any, tuple[type[Exception], ...]]:
     """A session, and the errors that it knows."""
     try:
         import onnxruntime
-        from onnxruntime.capi import onnxruntime_pybind11_state as state
+
+        # A compiled module, of which no names are known.
+        from onnxruntime.capi import onnxruntime_pybind11_state as state  # type: ignore[attr-defined]
     except ModuleNotFoundError as error:
         if error.name != "onnxruntime":
             raise

@@ -91,8 +91,10 @@ def do_nothing(space: gym.Space[Any]) -> ConstantPolicy:
 
 def floors(space: gym.Space[Any]) -> dict[str, Policy]:
     """What any policy should beat: doing nothing, where there is a zero, and random actions."""
-    random = {"random": RandomPolicy(space, seed=0)}
-    return random if zero_action(space) is None else {"doing nothing": do_nothing(space), **random}
+    found: dict[str, Policy] = {}
+    if zero_action(space) is not None:
+        found["doing nothing"] = do_nothing(space)
+    return {**found, "random": RandomPolicy(space, seed=0)}
 
 
 @dataclass(frozen=True)
@@ -188,7 +190,8 @@ def named_policy(name: str, environment: gym.Env[Any, Any]) -> Policy:
         return import_policy(name, space)
     raise UsageError(
         f"unknown policy '{name}'; it is zero, random, a {BUNDLE_SUFFIX} file, a .zip of "
-        f"Stable-Baselines3, an {ONNX_SUFFIX} file, or module:function.{did_you_mean(name, ('zero', 'random'))}"
+        f"Stable-Baselines3, an {ONNX_SUFFIX} file, or module:function."
+        f"{did_you_mean(name, ('zero', 'random'))}"
     )
 
 
