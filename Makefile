@@ -11,7 +11,7 @@ BENCHMARKS = $(filter-out benchmarks/_%,$(wildcard benchmarks/*.py))
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo demo-cartpole test lint check soak bench clean
+.PHONY: help install demo demo-cartpole test lint check docs soak bench clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-13s %s\n", $$1, $$2 }' Makefile
@@ -57,6 +57,10 @@ lint: $(STAMP) ## check format, style, spelling, types and layers
 
 check: lint ## everything that must hold: lint, then the tests with the coverage gate
 	@$(MAKE) --no-print-directory test COVERAGE=1
+
+docs: $(STAMP) ## build the documentation site into build/docs; a warning is an error
+	@$(RUN) sphinx -q -W --keep-going -b html -d build/doctrees docs build/docs
+	@echo "build/docs/index.html"
 
 soak: $(STAMP) ## run the long tests, without time limits
 	@$(PYTEST) -m '(slow or soak) and not gpu'
