@@ -6,15 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hprs.deploy import Layer, ObservationLayout, save_bundle
-from hprs.deploy.archive import load_bundle
+from hprs.deploy import Layer
 from hprs.deploy.driving import Driving
 from hprs.deploy.loop import DRIVING, STOPPED, WAITING, ControlLoop, Limits, pace, run
 from hprs.deploy.record import Record
 from hprs.deploy.scan import Scan
 from hprs.errors import BundleError
 from tests.deploy.simulated_car import FakeClock, SimulatedCar, trained_bundle
-from tests.deploy.small import numbers, small
+from tests.deploy.small import numbers
 
 INFINITE = math.inf
 

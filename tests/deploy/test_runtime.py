@@ -1,6 +1,5 @@
 """The runtime is one file that NumPy runs, and it acts as hprs.deploy does, bit for bit."""
 
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -49,7 +48,7 @@ def only_numpy(folder):
     home = Path(np.__file__).parent
     for part in (home, home.with_name("numpy.libs")):
         if part.exists():
-            os.symlink(part, packages / part.name)
+            (packages / part.name).symlink_to(part)
     return str(packages)
 
 

@@ -67,7 +67,7 @@ class Driving:
     """Largest angle of the wheels, rad."""
 
     @staticmethod
-    def of(bundle: Bundle) -> "Driving":
+    def of(bundle: Bundle) -> Driving:
         """What a bundle says.
 
         Raises:
@@ -77,10 +77,8 @@ class Driving:
         for what, details in (("observations", seen), ("actions", acts)):
             if details.get("kind") != "driving":
                 raise BundleError(
-                    "this bundle does not say what its {} are on a car. If it was trained to "
-                    "drive, complete it: hprs export OLD.bundle NEW.bundle --environment ENV".format(
-                        what
-                    )
+                    "this bundle does not say what its {} are on a car. If it was trained to drive, "
+                    "complete it: hprs export OLD.bundle NEW.bundle --environment ENV".format(what)
                 )
         try:
             found = _driving(seen, acts)
@@ -102,7 +100,7 @@ class Driving:
             )
         return found
 
-    def memory(self) -> "Memory":
+    def memory(self) -> Memory:
         """A memory of a car that stands, before its first reading."""
         return Memory(self)
 

@@ -140,14 +140,11 @@ def _claim(module: str, node: ast.AST, homes: Dict[str, str]) -> None:
     if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
         names = [node.name]
     elif isinstance(node, ast.Assign):
-        names = [found.id for one in node.targets for found in ast.walk(one) if _is_name(found)]
+        inside = [found for one in node.targets for found in ast.walk(one)]
+        names = [found.id for found in inside if isinstance(found, ast.Name)]
     elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
         names = [node.target.id]
     for name in names:
         other = homes.setdefault(name, module)
         if other != module:
             raise ValueError("{} and {} both define {}.".format(other, module, name))
-
-
-def _is_name(node: ast.AST) -> bool:
-    return isinstance(node, ast.Name)

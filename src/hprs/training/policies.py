@@ -182,7 +182,8 @@ def named_policy(name: str, environment: gym.Env[Any, Any]) -> Policy:
         return import_policy(name, space)
     raise UsageError(
         f"unknown policy '{name}'; it is zero, random, a {BUNDLE_SUFFIX} file, a .zip of "
-        f"Stable-Baselines3, an {ONNX_SUFFIX} file, or module:function.{did_you_mean(name, ('zero', 'random'))}"
+        f"Stable-Baselines3, an {ONNX_SUFFIX} file, or module:function."
+        f"{did_you_mean(name, ('zero', 'random'))}"
     )
 
 
