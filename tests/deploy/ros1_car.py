@@ -69,8 +69,9 @@ class Car:
         self.contact |= bool(contact)
 
     def scan(self):
-        import jax
         from dataclasses import replace
+
+        import jax
 
         cars = jax.tree.map(lambda leaf: leaf[None], self.car)
         self.made.world = replace(self.made.world, cars=cars)

@@ -78,9 +78,8 @@ class Driving:
             if details.get("kind") != "driving":
                 raise BundleError(
                     "this bundle does not say what its {} are on a car. If it was trained to "
-                    "drive, complete it: hprs export OLD.bundle NEW.bundle --environment ENV".format(
-                        what
-                    )
+                    "drive, complete it: "
+                    "hprs export OLD.bundle NEW.bundle --environment ENV".format(what)
                 )
         try:
             found = _driving(seen, acts)
