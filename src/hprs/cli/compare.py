@@ -35,7 +35,7 @@ class Compare:
     """
 
     one: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="RUN|POLICY")]
-    """Run directory, or zero, random, a bundle, a .zip of Stable-Baselines3, an ONNX file, or
+    """Run directory, or zero, random, a bundle, a .zip of Stable-Baselines3, an ONNX file,
     module:function."""
     other: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="RUN|POLICY")]
     """The same."""

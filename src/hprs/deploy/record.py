@@ -35,13 +35,13 @@ class Record:
     ) -> None:
         self._columns: List[str] = []
         for name, length in signals.items():
-            parts = [name] if length is None else ["%s[%d]" % (name, i) for i in range(length)]
+            parts = [name] if length is None else _columns(name, length)
             self._columns += parts
         header = [TIME] + self._columns + ["margin." + label for label in labels]
         header += ["loop." + name for name in EXTRA]
         try:
-            # Kept open for the whole drive.
-            self._file = Path(path).open("x", encoding="utf-8", newline="")
+            # Kept open for the whole drive; `close` closes it.
+            self._file = Path(path).open("x", encoding="utf-8", newline="")  # noqa: SIM115
         except OSError as error:
             raise BundleError("{} cannot be written: {}.".format(path, error.strerror)) from None
         self._file.write(",".join(header) + "\n")
@@ -57,10 +57,10 @@ class Record:
         flat: Dict[str, Any] = {}
         for name, value in signals.items():
             if getattr(value, "ndim", 0) or isinstance(value, (list, tuple)):
-                flat.update({"%s[%d]" % (name, i): one for i, one in enumerate(value)})
+                flat.update(zip(_columns(name, len(value)), value))
             else:
                 flat[name] = value
-        cells = ["%.6f" % time] + [_cell(flat.get(name)) for name in self._columns]
+        cells = ["{:.6f}".format(time)] + [_cell(flat.get(name)) for name in self._columns]
         cells += [_cell(verdict.margin) for verdict in verdicts]
         cells += [_cell(extra.get(name)) for name in EXTRA]
         self._file.write(",".join(cells) + "\n")
@@ -74,9 +74,14 @@ class Record:
         self._file.close()
 
 
+def _columns(name: str, length: int) -> List[str]:
+    """Of a vector."""
+    return ["{}[{}]".format(name, index) for index in range(length)]
+
+
 def _cell(value: Any) -> str:
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return ""
     if isinstance(value, str):
         return '"' + value.replace('"', "'") + '"'
-    return "%.9g" % value
+    return "{:.9g}".format(value)

@@ -4,6 +4,9 @@
 `ackermann_msgs`, are used where they are installed, and made of their text where they are not.
 """
 
+# They come with ROS, and no checker of types finds them.
+# pyright: reportMissingImports=false
+
 from __future__ import annotations
 
 import time
@@ -11,7 +14,7 @@ from typing import Any, Callable, Mapping, Tuple
 
 from hprs.deploy.loop import STOPPED, ControlLoop, Drive, pace, run
 from hprs.deploy.scan import Scan
-from hprs.errors import MissingExtraError
+from hprs.errors import UsageError
 
 SCAN, ODOMETRY, DRIVE, JOY, SIGNALS = "/scan", "/odom", "/drive", "/joy", "/hprs/signals/"
 """Topics; a signal that localisation knows is heard as std_msgs/Float64 below the last one."""
@@ -34,12 +37,15 @@ def ackermann_stamped() -> Tuple[Any, Any]:
     """The classes of AckermannDriveStamped and AckermannDrive.
 
     Raises:
-        MissingExtraError: There is no ROS 1 here.
+        UsageError: There is no ROS 1 here.
     """
     try:
         import genpy.dynamic
     except ImportError:
-        raise MissingExtraError("rospy, which comes with ROS 1,", "ros") from None
+        raise UsageError(
+            "there is no ROS 1 here. Source its setup file first, as in: "
+            "source /opt/ros/noetic/setup.bash"
+        ) from None
     try:
         from ackermann_msgs.msg import AckermannDrive, AckermannDriveStamped
     except ImportError:
@@ -62,7 +68,7 @@ def drive_ros1(loop: ControlLoop, dead_man_button: int, tell: Callable[[str], No
         tell: Takes a line whenever the phase or its reason changes.
 
     Raises:
-        MissingExtraError: There is no ROS 1 here.
+        UsageError: There is no ROS 1 here.
     """
     stamped, _ = ackermann_stamped()
     import rospy

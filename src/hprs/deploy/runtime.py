@@ -140,12 +140,8 @@ def _claim(module: str, node: ast.AST, homes: Dict[str, str]) -> None:
     if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
         names = [node.name]
     elif isinstance(node, ast.Assign):
-        names = [
-            found.id
-            for one in node.targets
-            for found in ast.walk(one)
-            if isinstance(found, ast.Name)
-        ]
+        inside = [found for one in node.targets for found in ast.walk(one)]
+        names = [found.id for found in inside if isinstance(found, ast.Name)]
     elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
         names = [node.target.id]
     for name in names:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Sequence
 from typing import Any
 
@@ -93,13 +94,11 @@ def _opened(name: str) -> tuple[Any, tuple[type[Exception], ...]]:
     """A session, and the errors that it knows."""
     try:
         import onnxruntime
-
-        # A compiled module, of which no names are known.
-        from onnxruntime.capi import onnxruntime_pybind11_state as state  # type: ignore[attr-defined]
     except ModuleNotFoundError as error:
         if error.name != "onnxruntime":
             raise
         raise MissingExtraError("onnxruntime", "onnx") from None
+    state = importlib.import_module("onnxruntime.capi.onnxruntime_pybind11_state")
     failures = tuple(
         found
         for found in vars(state).values()
