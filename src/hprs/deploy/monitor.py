@@ -14,7 +14,6 @@ import numpy as np
 from hprs.errors import BundleError
 
 Values = Mapping[str, Any]
-Function = Callable[[Values], Any]
 
 SAFETY = "ensure"
 """The kind of the requirements that a stop is made of."""
@@ -123,7 +122,7 @@ def _verdict(label: str, kind: str, found: Tuple[float, bool]) -> Verdict:
     return Verdict(label, kind, margin, None if math.isnan(margin) else holds)
 
 
-def _compiled(node: Any) -> Function:
+def _compiled(node: Any) -> Callable[[Values], Any]:
     """A function of an expression's value."""
     if isinstance(node, str):
         return lambda values: values[node]
@@ -143,7 +142,7 @@ def _compiled(node: Any) -> Function:
     return lambda values: function(*[part(values) for part in parts])
 
 
-def _reduction(name: str, parts: Sequence[Function]) -> Function:
+def _reduction(name: str, parts: Sequence[Callable[[Values], Any]]) -> Callable[[Values], Any]:
     """Of one vector, or over several numbers."""
     whole, several = _REDUCTIONS[name], _OF_SEVERAL[name]
 
