@@ -35,7 +35,7 @@ def test_two_policies_side_by_side(hprs, here):
     )  # fmt: skip
     assert (code, err) == (0, "")
     assert out.startswith("A  fast\nB  slow\n")
-    assert "latency     100 ms" in out
+    assert "100 ms" in out
     assert "2 episodes a point" in out
     assert {path.name for path in (here / "found").iterdir()} == {
         f"robustness.{ending}" for ending in ("csv", "png", "svg")

@@ -68,11 +68,11 @@ class Options:
     """Of the lidar, m: a Hokuyo UST-10LX on a real car sees 10."""
     gap_threshold: float = GAP_THRESHOLD
     """Distance in m beyond which the leader takes a beam for a gap."""
-    dropped_scans: float = Faults.dropped_scans
+    dropped_scans: float = float(Faults.dropped_scans)
     """Probability that a scan is lost, and the one before stays."""
-    speed_scale: float = Faults.speed_scale
+    speed_scale: float = float(Faults.speed_scale)
     """Factor of the measured speed."""
-    speed_offset: float = Faults.speed_offset
+    speed_offset: float = float(Faults.speed_offset)
     """Added to the measured speed, m/s."""
 
 
