@@ -118,9 +118,7 @@ class Simulation:
             start += length * width
         return np.concatenate(repeats), np.concatenate(lags)
 
-    def reset(
-        self, key: Array, track: Array | np.ndarray | None = None
-    ) -> tuple[Episode, Array, Signals]:
+    def reset(self, key: Array, track: Array | None = None) -> tuple[Episode, Array, Signals]:
         """A new episode, its first observation and its signals.
 
         Args:
