@@ -78,15 +78,18 @@ def subject_of(name: str, *, on: str | None, which: str, options: Sequence[str])
 
 def _bundle(name: str, on: str | None, given: dict[str, Any], more: dict[str, Any]) -> Subject:
     provenance = load_bundle(name).provenance
-    environment = on or provenance.get("environment")
+    told = provenance.get("environment")
+    environment = told or on
     if environment is None:
         raise UsageError(
             f"'{name}' does not say where it was trained; name the environment, as in "
             "--on hprs/SafeDriving-v0."
         )
     _check_drives(name, environment)
-    trained = {} if on else provenance.get("environment_options", {})
-    make = named_environment(on, **more) if on else environment_of_bundle(name, **more)[2]
+    trained = provenance.get("environment_options", {}) if told else {}
+    make = (
+        environment_of_bundle(name, **more)[2] if told else named_environment(environment, **more)
+    )
     return Subject(
         name=Path(name).name.removesuffix(BUNDLE_SUFFIX),
         environment=environment,

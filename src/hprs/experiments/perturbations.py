@@ -14,6 +14,7 @@ from itertools import count, islice
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
@@ -50,7 +51,7 @@ class Conditions:
 
     ranges: Ranges
     faults: Faults
-    track: Array | np.ndarray | None = None
+    track: Array | None = None
     """Number of the track, () int32; None draws it."""
 
 
@@ -170,7 +171,7 @@ def track_points(
     """
     usual = Conditions(settings.ranges, settings.faults or _no_faults())
     return [
-        Point(TRACK, each.name, "", each.name in seen, replace(usual, track=np.int32(number)))
+        Point(TRACK, each.name, "", each.name in seen, replace(usual, track=jnp.int32(number)))
         for number, each in enumerate(tracks)
     ]
 

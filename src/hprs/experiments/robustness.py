@@ -39,7 +39,7 @@ class _Under:
     """A simulation whose episodes run under some conditions."""
 
     simulation: Simulation
-    track: Array | np.ndarray | None
+    track: Array | None
 
     def reset(self, key: Array) -> Any:
         return self.simulation.reset(key, self.track)  # type: ignore[arg-type]

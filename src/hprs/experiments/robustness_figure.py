@@ -4,18 +4,25 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from hprs.experiments.perturbations import AS_TRAINED, TRACK
 from hprs.experiments.robustness_result import Row
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+LineStyle: TypeAlias = Literal[":", "-", "--"]
 
 COLUMNS = 4
 _COLOURS = ("#0072b2", "#d55e00")
 """Of the first and the second policy (Okabe and Ito)."""
-_LINES = {"S": (":", ""), "S+T": ("-", "o"), "S+T+C": ("--", "")}
+_LINES: dict[str, tuple[LineStyle, str]] = {
+    "S": (":", ""),
+    "S+T": ("-", "o"),
+    "S+T+C": ("--", ""),
+}
 """Measure to line and marker: nothing is told by colour alone."""
 _TRAINED = "#009e73"
 _PANEL = (2.7, 1.9)
@@ -115,29 +122,25 @@ def _tracks(axes: Axes, rows: Sequence[Row], policies: Sequence[str]) -> None:
     _plain(axes)
 
 
-def _legend(figure, policies: Sequence[str]) -> None:
+def _legend(figure: Figure, policies: Sequence[str]) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    handles: list[Any] = [
+    handles = [
         Line2D([], [], color=colour, linewidth=2.5, label=policy)
         for policy, colour in zip(policies, _COLOURS, strict=False)
     ]
     handles += [
-        Line2D(
-            [],
-            [],
-            color="0.3",
-            linestyle=cast("Any", line),
-            marker=marker,
-            markersize=3,
-            label=name,
-        )
+        Line2D([], [], color="0.3", linestyle=line, marker=marker, markersize=3, label=name)
         for name, (line, marker) in _LINES.items()
     ]
-    handles.append(Patch(color=_TRAINED, alpha=0.25, label="values of the training"))
+    shade = Patch(color=_TRAINED, alpha=0.25, label="values of the training")
     figure.legend(
-        handles=handles, loc="outside upper left", ncols=len(handles), frameon=False, fontsize=8.5
+        handles=[*handles, shade],
+        loc="outside upper left",
+        ncols=len(handles) + 1,
+        frameon=False,
+        fontsize=8.5,
     )
 
 
