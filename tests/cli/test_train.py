@@ -147,7 +147,7 @@ def test_a_built_in_environment_takes_another_task(hprs, here):
         (["evaluate", "hprs/CartPole-v0"], "'hprs/CartPole-v0' is an environment: name a policy too, as in --policy random."),
         (["evaluate", "runs/x", "--which", "lst"], "--which is last or best, not 'lst'. Did you mean 'last'?"),
         (["evaluate", "runs/x", "--episodes", "0"], "--episodes must be at least 1, got 0."),
-        (["evaluate", "hprs/CartPole-v0", "--policy", "radnom"], "unknown policy 'radnom'; it is zero, random, a .bundle file, a .zip of Stable-Baselines3, or module:function. Did you mean 'random'?"),
+        (["evaluate", "hprs/CartPole-v0", "--policy", "radnom"], "unknown policy 'radnom'; it is zero, random, a .bundle file, a .zip of Stable-Baselines3, an .onnx file, or module:function. Did you mean 'random'?"),
         (["evaluate", "hprs/CartPole-v0", "--policy", "x.zip"], "there is no policy file 'x.zip'."),
         (["evaluate", "hprs/CartPole-v0", "--policy", "json:loadz"], "policy 'json:loadz': module 'json' has no function 'loadz'."),
     ],

@@ -28,6 +28,7 @@ from hprs.carsim.actuators import (
     pushed,
 )
 from hprs.carsim.collision import touches_car, touches_wall
+from hprs.carsim.faults import Faults, faulty_scan, faulty_speed
 from hprs.carsim.leader import GAP_THRESHOLD, LeaderParameters, follow_the_gap, sample_leader
 from hprs.carsim.lidar import BEAMS, LIDAR, Lidar, beam_angles, measure, with_noise
 from hprs.carsim.randomisation import Parameters, Ranges, ranges, sample
@@ -46,11 +47,13 @@ LEAST_GAP = 1.0
 """Of a random start with a leader, m."""
 LARGEST_GAP = 0.2
 """Of a random start with a leader, over the length of a lap."""
+_LOST = 2
+"""What a step's key is folded with for the draw of a lost scan; 0 and 1 are taken by its split."""
 
 
 @partial(
     jax.tree_util.register_dataclass,
-    data_fields=["ranges", "threshold"],
+    data_fields=["ranges", "threshold", "faults"],
     meta_fields=["cars", "start", "lidar"],
 )
 @dataclass(frozen=True)
@@ -67,6 +70,8 @@ class Settings:
     """Of the domain randomisation. The paper's code had it in evaluations too."""
     threshold: Array | float = GAP_THRESHOLD
     """Of the leader's gaps, m."""
+    faults: Faults | None = None
+    """Of the sensors of car 0; None: no program has anything for them."""
 
 
 @partial(
@@ -160,10 +165,20 @@ def reset(key: Array, track: Track, settings: Settings) -> World:
         leader=leader,
     )
     noise, key = _noise(world)
-    return replace(_sensed(world, track, noise, settings.lidar), key=key)
+    world = replace(_sensed(world, track, noise, settings.lidar), key=key)
+    if settings.faults is None:
+        return world
+    return replace(world, velocity=faulty_speed(world.velocity, settings.faults))
 
 
-def step(world: World, track: Track, command: Command, *, lidar: Lidar = LIDAR) -> World:
+def step(
+    world: World,
+    track: Track,
+    command: Command,
+    *,
+    lidar: Lidar = LIDAR,
+    faults: Faults | None = None,
+) -> World:
     """The world one control step later.
 
     Args:
@@ -171,7 +186,9 @@ def step(world: World, track: Track, command: Command, *, lidar: Lidar = LIDAR) 
         track: The track that it was reset on.
         command: For car 0; scalars.
         lidar: Of the settings that it was reset with.
+        faults: Of these settings.
     """
+    before = world
     # Before the loop: XLA draws again wherever a drawn number is used inside of one.
     noise, key = _noise(world)
     lines = _all_pushed(world, command)
@@ -189,7 +206,20 @@ def step(world: World, track: Track, command: Command, *, lidar: Lidar = LIDAR) 
         steps=world.steps + 1,
         key=key,
     )
-    return _sensed(world, track, noise, lidar)
+    world = _sensed(world, track, noise, lidar)
+    return world if faults is None else _arrived(world, before, faults)
+
+
+def _arrived(world: World, before: World, faults: Faults) -> World:
+    """The world with the readings that arrive, of those that were measured."""
+    # A key of its own, so that noise is drawn as without faults.
+    key = jax.random.fold_in(jax.random.wrap_key_data(before.key), _LOST)
+    uniform = jax.random.uniform(key, (), world.progress.dtype)
+    return replace(
+        world,
+        scan=faulty_scan(world.scan, before.scan, uniform=uniform, faults=faults),
+        velocity=faulty_speed(world.velocity, faults),
+    )
 
 
 def clearance(world: World, track: Track) -> Array:

@@ -7,6 +7,7 @@ too. What it did not vary is an addition here, for policies that are to drive a 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from functools import partial
 from typing import Literal
@@ -16,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from hprs.carsim.actuators import MAX_SPEED_COMMAND, ActuatorParameters
+from hprs.carsim.actuators import MAX_DELAY, MAX_SPEED_COMMAND, ActuatorParameters
 from hprs.carsim.vehicle import VehicleParameters
 from hprs.errors import UsageError, did_you_mean
 
@@ -82,8 +83,22 @@ class Quantity:
     """The range on the track GM where the paper's code has another one."""
     released: bool = False
     """Whether the paper's code varies it."""
+    chosen: tuple[float, ...] = ()
+    """Values to test a policy under, where half an end of the range beyond it makes no sense."""
+
+    @property
+    def tested(self) -> tuple[float, ...]:
+        """Values under which a policy is tested, ascending: in the range and beyond both ends."""
+        if self.chosen:
+            return self.chosen
+        below = [self.low - share * abs(self.low) for share in _BEYOND[::-1]]
+        above = [self.high + share * abs(self.high) for share in _BEYOND]
+        within = [self.low, (self.low + self.high) / 2, self.high]
+        return tuple(sorted({round(value, 6) for value in (*below, *within, *above)}))
 
 
+_BEYOND = (0.25, 0.5)
+"""How far beyond its range a quantity is tested, over the range's end."""
 _CODE = "the paper's code"
 _ADDED = "added"
 
@@ -94,7 +109,11 @@ QUANTITIES = (
     Quantity("top_speed", "m/s", 3.5, 3.5, 4.0, _CODE, gm=(3.5, 3.75), released=True),
     Quantity("steering_gain", "1", 0.5, 0.5, 0.75, _CODE, gm=(0.6, 0.75), released=True),
     Quantity("velocity_noise", "1", 0.01, 0.01, 0.05, _CODE, released=True),
-    Quantity("start_offset", "1", 0.0, -1.0, 1.0, _CODE, released=True),
+    # Further out a car that is turned as well would begin its episode in the wall.
+    Quantity(
+        "start_offset", "1", 0.0, -1.0, 1.0, _CODE, released=True,
+        chosen=(-1.25, -1.0, -0.5, 0.0, 0.5, 1.0, 1.25),
+    ),
     Quantity(
         "start_heading", "rad", 0.0, -0.2, 0.2,
         "the paper's code: towards a random place 2.5 to 5 % of a lap ahead", released=True,
@@ -104,7 +123,11 @@ QUANTITIES = (
     Quantity("motor_time", "s", 0.1, 0.05, 0.2, _ADDED),
     Quantity("steering_time", "s", 0.05, 0.03, 0.1, _ADDED),
     Quantity("steering_offset", "rad", 0.0, -0.02, 0.02, f"{_ADDED}; trim of the servo"),
-    Quantity("delay", "simulation steps of 0.01 s", 0.0, 0.0, 5.0, f"{_ADDED}; computer and bus"),
+    # Tested up to 200 ms.
+    Quantity(
+        "delay", "simulation steps of 0.01 s", 0.0, 0.0, 5.0, f"{_ADDED}; computer and bus",
+        chosen=tuple(map(float, range(21))),
+    ),
     Quantity("lidar_noise", "1", 0.03, 0.0, 0.03, f"{_ADDED}; always 0.03 in the paper's code"),
 )
 # fmt: on
@@ -142,6 +165,40 @@ def ranges(name: RangesName = "all") -> Ranges:
     pairs = [_range(quantity, name) for quantity in QUANTITIES]
     low, high = np.array(pairs, np.float32).T
     return Ranges(low, high)
+
+
+def narrowed(within: Ranges, changes: Mapping[str, tuple[float, float]]) -> Ranges:
+    """Ranges with other ones for some quantities.
+
+    Args:
+        within: The ranges of all others.
+        changes: Name of a quantity to its range; twice the same number for a fixed value.
+
+    Raises:
+        UsageError: There is no such quantity, or its range is none.
+    """
+    low, high = np.array(within.low, np.float32), np.array(within.high, np.float32)
+    for name, (least, greatest) in changes.items():
+        if name not in _NAMES:
+            raise UsageError(
+                f"There is no randomised quantity '{name}'.{did_you_mean(name, _NAMES)} "
+                f"There are {', '.join(_NAMES)}."
+            )
+        _check(QUANTITIES[_NAMES.index(name)], least, greatest)
+        low[_NAMES.index(name)], high[_NAMES.index(name)] = least, greatest
+    return Ranges(low, high)
+
+
+def _check(quantity: Quantity, least: float, greatest: float) -> None:
+    """See that a range is one, and that no end of it is impossible."""
+    shown = f"{quantity.name} got [{least:g}, {greatest:g}]"
+    if not -np.inf < least <= greatest < np.inf:
+        raise UsageError(f"{shown}: a range is two numbers, the smaller one first.")
+    if quantity.low >= 0 and (least < 0 or (least == 0 < quantity.low)):
+        word = "above 0" if quantity.low > 0 else "at least 0"
+        raise UsageError(f"{shown}, but is {word} on every car.")
+    if quantity.name == "delay" and greatest > MAX_DELAY:
+        raise UsageError(f"{shown}, but at most {MAX_DELAY} simulation steps are remembered.")
 
 
 def _range(quantity: Quantity, name: RangesName) -> tuple[float, float]:

@@ -25,6 +25,8 @@ Examples:
   hprs compare RUN RUN                        two policies on the same episodes
   hprs benchmark GRID.toml                    a whole study: rewards, environments, seeds
   hprs report RUNS                            curves, tables and one page of many runs
+  hprs robustness RUN                         a driving policy under what it never saw
+  hprs export RUN policy.bundle               files that run without hprs, as on a robot
 """
 
 COMMANDS: Mapping[str, str] = MappingProxyType(
@@ -39,6 +41,8 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "compare": "Compare",
         "benchmark": "Benchmark",
         "report": "Report",
+        "robustness": "Robustness",
+        "export": "Export",
     }
 )
 """Subcommand to its class, which lives in the module of the same name; in the order of the help."""

@@ -35,7 +35,7 @@ class Compare:
     """
 
     one: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="RUN|POLICY")]
-    """Run directory, or zero, random, a bundle, a .zip of Stable-Baselines3, module:function."""
+    """Run directory, or zero, random, a bundle, a .zip of Stable-Baselines3, an ONNX file, module:function."""
     other: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="RUN|POLICY")]
     """The same."""
     on: Annotated[str | None, tyro.conf.arg(metavar="ENV", help_behavior_hint="")] = None

@@ -46,7 +46,7 @@ class Evaluate:
     """Task file for an environment without its own; for a run, a task to assess it by instead."""
     constants: Constants = ()
     policy: Annotated[str | None, tyro.conf.arg(metavar="POLICY", help_behavior_hint="")] = None
-    """zero, random, a bundle, a .zip of Stable-Baselines3, or module:function."""
+    """zero, random, a bundle, a .zip of Stable-Baselines3, an ONNX file, or module:function."""
     options: Annotated[
         tyro.conf.UseAppendAction[tuple[str, ...]],
         tyro.conf.arg(name="env", metavar="KEY=VALUE"),

@@ -171,7 +171,7 @@ class Report:
             console().print()
 
 
-_RECORDED = 50
+_RECORDED = 20
 """Episodes of the floors, where the policies are not assessed anew."""
 
 

@@ -51,7 +51,7 @@ class Watch:
     seed: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
     """Seed of the episode; default: the first one that `hprs evaluate` takes."""
     policy: Annotated[str | None, tyro.conf.arg(metavar="POLICY", help_behavior_hint="")] = None
-    """zero, random, a bundle, a .zip of Stable-Baselines3, or module:function."""
+    """zero, random, a bundle, a .zip of Stable-Baselines3, an ONNX file, or module:function."""
     which: str = "last"
     """The policy of a run: last, or best (by PAM)."""
     task: Annotated[str | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None

@@ -159,18 +159,25 @@ def _arrays(bundle: Bundle) -> Dict[str, np.ndarray]:
 
 
 def _action_content(action: ActionLayout) -> Dict[str, Any]:
+    content: Dict[str, Any]
     if isinstance(action, ChoiceLayout):
-        return {"kind": "choice", "outputs": action.outputs, "start": action.start}
-    return {"kind": "box", "shape": list(action.shape), "mapping": action.mapping}
+        content = {"kind": "choice", "outputs": action.outputs, "start": action.start}
+    else:
+        content = {"kind": "box", "shape": list(action.shape), "mapping": action.mapping}
+    # Older bundles of this format have none, and their bytes stay what they are.
+    if action.details:
+        content["details"] = dict(action.details)
+    return content
 
 
 def _bundle(content: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Bundle:
     seen, acts = content["observation"], content["action"]
+    details = dict(acts.get("details", {}))
     action: ActionLayout
     if acts["kind"] == "choice":
-        action = ChoiceLayout(int(acts["outputs"]), int(acts["start"]))
+        action = ChoiceLayout(int(acts["outputs"]), int(acts["start"]), details)
     elif acts["kind"] == "box":
-        action = BoxLayout(_shape(acts), arrays["low"], arrays["high"], acts["mapping"])
+        action = BoxLayout(_shape(acts), arrays["low"], arrays["high"], acts["mapping"], details)
     else:
         raise BundleError("an action is a box or a choice, not {!r}.".format(acts["kind"]))
     return Bundle(

@@ -99,6 +99,8 @@ class BoxLayout:
     mapping: str = "clip"
     """`clip`: -1 to 1 is mapped to the bounds; `tanh`: its hyperbolic tangent is; `raw`: y itself.
     Without two finite bounds it is always y itself. What is then beyond a bound is clipped."""
+    details: Mapping[str, Any] = field(default_factory=dict)
+    """Labels, units and limits: JSON values, for whoever obeys the actions."""
 
     def __post_init__(self) -> None:
         """Raise BundleError where the parts do not fit together."""
@@ -115,13 +117,22 @@ class BoxLayout:
         """Of the network."""
         return _count(self.shape)
 
+    @property
+    def scale(self) -> Tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of every number: whether it has two finite bounds, their middle, and half their distance.
+
+        Where it has not, middle and distance are 0.
+        """
+        bounded = np.isfinite(self.low) & np.isfinite(self.high)
+        low, high = np.where(bounded, self.low, 0), np.where(bounded, self.high, 0)
+        return bounded, (low + high) / 2, (high - low) / 2
+
     def actions(self, outputs: np.ndarray) -> np.ndarray:
         """Actions (B, *shape) float32 from outputs (B, m)."""
         if self.mapping != "raw":
-            bounded = np.isfinite(self.low) & np.isfinite(self.high)
-            low, high = np.where(bounded, self.low, 0), np.where(bounded, self.high, 0)
+            bounded, centre, half = self.scale
             part = np.tanh(outputs) if self.mapping == "tanh" else outputs
-            scaled = (low + high) / 2 + (high - low) / 2 * part
+            scaled = centre + half * part
             outputs = np.where(bounded, scaled, outputs)
         actions = np.clip(outputs, self.low, self.high).astype(np.float32)
         return actions.reshape((len(actions),) + self.shape)
@@ -135,6 +146,8 @@ class ChoiceLayout:
     """Choices, one output each."""
     start: int = 0
     """The first one."""
+    details: Mapping[str, Any] = field(default_factory=dict)
+    """As of `BoxLayout`."""
 
     def __post_init__(self) -> None:
         """Raise BundleError where there is nothing to choose."""

@@ -138,7 +138,7 @@ class Shelf:
 
     def _load(self) -> None:
         try:
-            with np.load(self._file, allow_pickle=False) as kept:
+            with np.load(io.BytesIO(self._file.read_bytes()), allow_pickle=False) as kept:
                 index, values = json.loads(str(kept["index"])), kept["values"]
             if index["format"] != _FORMAT:
                 return

@@ -120,6 +120,8 @@ def write_report(
     Raises:
         RunError: It cannot be written.
     """
+    with files.writing(out):
+        out.mkdir(parents=True, exist_ok=True)
     content: list[dict[str, Any]] = []
     for section in sections:
         benchmark = section.benchmark

@@ -273,7 +273,8 @@ def _same_end(benchmark: Benchmark, reward: str) -> Group | None:
 def _cost(group: Group) -> tuple[Cell, ...]:
     reached = group.reached()
     steps = float(np.median([step for step, _ in reached]))
-    seconds = float(np.median([second for _, second in reached]))
+    # Who never gets there takes for ever, even where no times are recorded.
+    seconds = math.inf if math.isinf(steps) else float(np.median([second for _, second in reached]))
     total = float(np.mean([run.steps[-1] for run in group.runs]))
     took = float(np.mean([run.seconds[-1] for run in group.runs]))
     return (

@@ -38,7 +38,9 @@ def wilson(successes: int, count: int) -> tuple[float, float]:
     middle = fraction + z**2 / (2 * count)
     half = z * math.sqrt(fraction * (1 - fraction) / count + z**2 / (4 * count**2))
     scale = 1 + z**2 / count
-    return max(0.0, (middle - half) / scale), min(1.0, (middle + half) / scale)
+    # At the ends the two terms are equal but for rounding.
+    low = (middle - half) / scale if successes else 0.0
+    return low, (middle + half) / scale if successes < count else 1.0
 
 
 def bootstrap_mean(values: Sequence[float], *, seed: int = 0) -> tuple[float, float]:

@@ -18,6 +18,7 @@ from hprs.envs.registration import benchmark_of
 from hprs.errors import UsageError
 from hprs.spec.json_format import task_to_json
 from hprs.training.configuration import Configuration
+from hprs.training.description import described, details_of
 from hprs.training.networks import Network
 from hprs.wrappers.single import TaskWrapper
 
@@ -55,6 +56,7 @@ class LearnerSession(ABC):
                 "use --trainer sb3."
             )
         self._configuration, self._observations = configuration, space
+        self._details = details_of(environment, configuration.task)
         # Of other environments the rate of pictures need not be that of decisions.
         ours = benchmark_of(configuration.environment) is not None
         self._rate: float | None = environment.metadata.get("render_fps") if ours else None
@@ -66,7 +68,7 @@ class LearnerSession(ABC):
     def bundle(self, member: int, provenance: Mapping[str, object]) -> Bundle:
         """A member's policy as it is now, with checks that its network has answered."""
         policy = self.policy(member)
-        return Bundle(
+        plain = Bundle(
             layers=tuple(Layer(*map(np.asarray, one)) for one in policy.network),
             observation=policy.observation,
             action=policy.action,
@@ -77,6 +79,7 @@ class LearnerSession(ABC):
             check_observations=policy.likely,
             check_actions=policy.answers,
         )
+        return described(plain, self._details)
 
     def _home(self) -> dict[str, object]:
         """Where the policy was trained, so that a bundle alone can be assessed."""

@@ -39,13 +39,22 @@ def values_by_measure(task: Task, assessments: Sequence[Assessment]) -> dict[str
     return values
 
 
-def measures(task: Task, assessments: Sequence[Assessment]) -> dict[str, Measure]:
+def measures(
+    task: Task, assessments: Sequence[Assessment], only: Sequence[str] = ()
+) -> dict[str, Measure]:
     """Every measure of some episodes.
 
     Fractions of episodes get Wilson's interval, means of anything else a bootstrap's.
+
+    Args:
+        task: What they are assessed by.
+        assessments: One an episode.
+        only: Names of the measures that are wanted; empty for all.
     """
     found: dict[str, Measure] = {}
     for name, values in values_by_measure(task, assessments).items():
+        if only and name not in only:
+            continue
         counted = name in ("S", "S+T") or name.split()[0] in ("ensure", "achieve", "conquer")
         ends = wilson(round(sum(values)), len(values)) if counted else bootstrap_mean(values)
         found[name] = Measure(float(np.mean(values)), *ends)

@@ -17,6 +17,7 @@ from gymnasium import spaces
 
 from hprs.deploy import Bundle, ChoiceLayout, load_bundle
 from hprs.errors import PolicyError, UsageError, did_you_mean
+from hprs.training.onnx_policy import ONNX_SUFFIX, OnnxPolicy
 from hprs.wrappers.signals import zero_action
 
 BUNDLE_SUFFIX = ".bundle"
@@ -157,7 +158,7 @@ def named_policy(name: str, environment: gym.Env[Any, Any]) -> Policy:
     """A policy as users name it.
 
     Args:
-        name: `zero`, `random`, a bundle (`.bundle`), a .zip of Stable-Baselines3, or
+        name: `zero`, `random`, a bundle (`.bundle`), a .zip of Stable-Baselines3, an ONNX file, or
             `module:function`.
         environment: Where it shall act.
 
@@ -181,11 +182,13 @@ def named_policy(name: str, environment: gym.Env[Any, Any]) -> Policy:
         policy = load_zip(Path(name))
         check_fits(name, policy, environment)
         return policy
+    if name.endswith(ONNX_SUFFIX):
+        return OnnxPolicy(name, environment)
     if ":" in name:
         return import_policy(name, space)
     raise UsageError(
         f"unknown policy '{name}'; it is zero, random, a {BUNDLE_SUFFIX} file, a .zip of "
-        f"Stable-Baselines3, or module:function.{did_you_mean(name, ('zero', 'random'))}"
+        f"Stable-Baselines3, an {ONNX_SUFFIX} file, or module:function.{did_you_mean(name, ('zero', 'random'))}"
     )
 
 

@@ -111,6 +111,13 @@ class RunDirectory:
         ]
 
     @property
+    def origin(self) -> dict[str, Any]:
+        """Versions and commit that the run was made with, as far as they are recorded."""
+        return {
+            name: self._content[name] for name in ("versions", "commit") if name in self._content
+        }
+
+    @property
     def replay(self) -> Path:
         """The folder of the replay buffer's segments."""
         return self.path / REPLAY

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from inspect import Parameter, signature
@@ -13,18 +13,20 @@ import jax.numpy as jnp
 import numpy as np
 
 from hprs.carsim.designs import DESIGNS, load_track
+from hprs.carsim.faults import FAULTS, Faults
 from hprs.carsim.leader import GAP_THRESHOLD
 from hprs.carsim.lidar import BEAMS, Lidar
 from hprs.carsim.race import Settings
 from hprs.carsim.random_track import random_track
-from hprs.carsim.randomisation import RangesName, ranges
+from hprs.carsim.randomisation import RangesName, narrowed, ranges
 from hprs.carsim.track import SIGHT, Track, stack_tracks
 from hprs.envs.driving.simulation import Simulation
 from hprs.envs.options import count, number, switch
 from hprs.errors import UsageError, did_you_mean
 
 TrackLike: TypeAlias = str | Path | Track | Sequence[str | Path]
-"""A built-in track, `random:SEED`, a map file, `map.yaml+line.csv` or that pair, or a track."""
+"""A built-in track, `random:SEED`, several (`random:0-15`), a map file, `map.yaml+line.csv` or that
+pair, or a track; ` backwards` behind a name turns it round."""
 Environment = TypeVar("Environment", bound=type)
 
 MAP_SUFFIXES = (".yaml", ".yml")
@@ -33,6 +35,10 @@ LINE_SUFFIX = ".csv"
 """How the name of a centre line's file ends."""
 RANDOM = "random:"
 """What a seed of a random track stands behind."""
+BACKWARDS = " backwards"
+"""Behind the name of a track that is driven the other way round."""
+MOST_RANDOM = 100
+"""Random tracks that one name may stand for: each takes a while to make."""
 STARTS = ("random", "grid")
 """Places of a start."""
 
@@ -51,8 +57,9 @@ class Options:
     """Scans and speeds in an observation."""
     reverse: bool = False
     """Drive the tracks the other way round."""
-    randomisation: bool | str = True
-    """Vary car, sensors and actuators; or a name of `hprs.carsim.randomisation.ranges`."""
+    randomisation: bool | str | Mapping[str, Any] = True
+    """Vary car, sensors and actuators; or a name of `hprs.carsim.randomisation.ranges`; or all of
+    them with other values or [low, high] for some quantities, by name."""
     start: str = "random"
     """`random`: anywhere on the track; `grid`: at the start line."""
     beams: int = BEAMS
@@ -61,6 +68,12 @@ class Options:
     """Of the lidar, m: a Hokuyo UST-10LX on a real car sees 10."""
     gap_threshold: float = GAP_THRESHOLD
     """Distance in m beyond which the leader takes a beam for a gap."""
+    dropped_scans: float = Faults.dropped_scans
+    """Probability that a scan is lost, and the one before stays."""
+    speed_scale: float = Faults.speed_scale
+    """Factor of the measured speed."""
+    speed_offset: float = Faults.speed_offset
+    """Added to the measured speed, m/s."""
 
 
 def simulate(defaults: Options, **changes: Any) -> Simulation:
@@ -78,6 +91,7 @@ def simulate(defaults: Options, **changes: Any) -> Simulation:
         ranges=_ranges(options.randomisation),
         threshold=_threshold(options.gap_threshold),
         lidar=Lidar(beams=count("beams", options.beams), reach=number("reach", options.reach)),
+        faults=_faults(options),
     )
     return Simulation(
         tracks=_stack(options.tracks, switch("reverse", options.reverse)),
@@ -152,10 +166,41 @@ def _start(value: Any) -> Literal["random", "grid"]:
 def _ranges(value: Any) -> Any:
     if isinstance(value, bool):
         value = "all" if value else "nominal"
-    if not isinstance(value, str):
-        raise UsageError(f"randomisation is True, False or a name of ranges, not {value!r}.")
-    found = ranges(cast(RangesName, value))
+    changes = value if isinstance(value, Mapping) else {}
+    name = "all" if isinstance(value, Mapping) else value
+    if not isinstance(name, str):
+        raise UsageError(
+            "randomisation is True, False or a name of ranges, or ranges by quantity, "
+            f"not {value!r}."
+        )
+    found = narrowed(
+        ranges(cast(RangesName, name)), {key: _ends(key, given) for key, given in changes.items()}
+    )
     return replace(found, low=jnp.asarray(found.low), high=jnp.asarray(found.high))
+
+
+def _ends(name: str, given: Any) -> tuple[float, float]:
+    """A range of a quantity: of one number, itself."""
+    ends = given if isinstance(given, list | tuple) else (given, given)
+    if len(ends) != 2:
+        raise UsageError(f"randomisation needs a number or [low, high] of {name}, got {given!r}.")
+    low, high = (number(f"randomisation of {name}", end) for end in ends)
+    return low, high
+
+
+def _faults(options: Options) -> Faults | None:
+    """Faults as arrays, which share a compilation; None where there are none."""
+    given: dict[str, float] = {}
+    for fault in FAULTS:
+        given[fault.name] = number(fault.name, getattr(options, fault.name))
+        if not fault.least <= given[fault.name] <= fault.greatest:
+            raise UsageError(
+                f"{fault.name} is a number from {fault.least:g} to {fault.greatest:g}, "
+                f"got {given[fault.name]:g}."
+            )
+    if all(given[fault.name] == fault.neutral for fault in FAULTS):
+        return None
+    return Faults(**{name: jnp.asarray(value, jnp.float32) for name, value in given.items()})
 
 
 def _threshold(value: Any) -> Any:
@@ -171,13 +216,42 @@ def _stack(value: Any, reverse: bool) -> Track:
     return stack_tracks([_load(one, reverse) for one in _listed(value)])
 
 
+def track_names(tracks: TrackLike | Sequence[TrackLike]) -> list[str]:
+    """Names of the tracks that an option stands for; a loaded `Track` has none.
+
+    Raises:
+        UsageError: It stands for no tracks.
+    """
+    return [
+        "+".join(map(str, one)) if _is_pair(one) else str(one)
+        for one in _listed(tracks)
+        if not isinstance(one, Track)
+    ]
+
+
 def _listed(value: Any) -> Sequence[Any]:
     """Tracks one by one."""
     if isinstance(value, str | Path | Track) or _is_pair(value):
-        return (value,)
+        value = (value,)
     if isinstance(value, Sequence) and value:
-        return value
+        return [track for one in value for track in _several(one)]
     raise _no_track(value)
+
+
+def _several(value: Any) -> Sequence[Any]:
+    """The tracks of `random:FIRST-LAST`; of anything else, itself."""
+    if not isinstance(value, str) or not value.startswith(RANDOM):
+        return (value,)
+    plain = value.removesuffix(BACKWARDS)
+    backwards = value[len(plain) :]
+    first, dash, last = plain.removeprefix(RANDOM).partition("-")
+    if not dash:
+        return (value,)
+    if not (first.isdecimal() and last.isdecimal() and int(first) <= int(last)):
+        raise UsageError(f"'{value}' needs its first and its last seed, as in {RANDOM}0-15.")
+    if int(last) - int(first) >= MOST_RANDOM:
+        raise UsageError(f"'{value}' is more than {MOST_RANDOM} tracks.")
+    return [f"{RANDOM}{seed}{backwards}" for seed in range(int(first), int(last) + 1)]
 
 
 def _is_pair(value: Any) -> bool:
@@ -194,6 +268,8 @@ def _is_pair(value: Any) -> bool:
 def _load(track: Any, reverse: bool) -> Track:
     if isinstance(track, Track):
         return _given(track, reverse)
+    if isinstance(track, str) and track.endswith(BACKWARDS):
+        return _load(track.removesuffix(BACKWARDS), not reverse)
     if not isinstance(track, str | Path) and not _is_pair(track):
         raise _no_track(track)
     path, line = _files(str(track)) if isinstance(track, str | Path) else map(str, track)
@@ -231,11 +307,12 @@ def _given(track: Track, reverse: bool) -> Track:
 def _no_track(value: Any) -> UsageError:
     return UsageError(
         f"tracks is a name or a list of names, not {value!r:.80}. Known: {', '.join(DESIGNS)}, "
-        f"{RANDOM}SEED, a map's YAML file, map.yaml+line.csv, (map.yaml, line.csv), a Track."
+        f"{RANDOM}SEED, {RANDOM}FIRST-LAST, a map's YAML file, map.yaml+line.csv, "
+        "(map.yaml, line.csv), a Track."
     )
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=2 * MOST_RANDOM)
 def _made(name: str, reverse: bool) -> Track:
     """A track that no file can change."""
     if name.startswith(RANDOM):

@@ -118,18 +118,19 @@ class Simulation:
             start += length * width
         return np.concatenate(repeats), np.concatenate(lags)
 
-    def reset(self, key: Array) -> tuple[Episode, Array, Signals]:
+    def reset(self, key: Array, track: Array | None = None) -> tuple[Episode, Array, Signals]:
         """A new episode, its first observation and its signals.
 
         Args:
             key: JAX key; it determines all that is drawn in the episode.
+            track: Number of the track, () int32; None draws it.
         """
         track_key, world_key = jax.random.split(key)
         count = self.tracks.length.shape[0]
-        index = jax.random.randint(track_key, (), 0, count, jnp.int32)
-        track = selected(self.tracks, index)
-        world = race.reset(world_key, track, self.settings)
-        dtype = track.centre.dtype
+        index = jax.random.randint(track_key, (), 0, count, jnp.int32) if track is None else track
+        driven = selected(self.tracks, index)
+        world = race.reset(world_key, driven, self.settings)
+        dtype = driven.centre.dtype
         standing = jnp.tile(jnp.array([0.0, -1.0], dtype), (REMEMBERED_COMMANDS, 1))
         episode = Episode(
             world=world,
@@ -138,7 +139,7 @@ class Simulation:
             scans=jnp.tile(world.scan, (self.stacked, 1)),
             speeds=jnp.tile(world.velocity, self.stacked),
         )
-        return episode, observe(episode), self._signals(episode, track)
+        return episode, observe(episode), self._signals(episode, driven)
 
     def step(
         self, episode: Episode, action: Array
@@ -160,7 +161,8 @@ class Simulation:
         speed = jnp.clip(standing + 2 * SPEED_CHANGE / MAX_SPEED_COMMAND * change, -1.0, 1.0)
         command = Command(steering, (speed + 1) / 2 * MAX_SPEED_COMMAND)
         before = episode.world
-        world = race.step(before, track, command, lidar=self.settings.lidar)
+        settings = self.settings
+        world = race.step(before, track, command, lidar=settings.lidar, faults=settings.faults)
         episode = replace(
             episode,
             world=world,

@@ -14,6 +14,7 @@ from jax import Array
 
 from hprs.carsim.packed import as_one_kernel
 from hprs.carsim.race import CONTROL_STEP
+from hprs.envs.driving.description import action_details, observation_details
 from hprs.envs.driving.layout import episode_layout
 from hprs.envs.driving.rendering import RENDER_MODES, make_drawing
 from hprs.envs.driving.simulation import Episode, Signals, Simulation
@@ -73,6 +74,16 @@ class DrivingEnv(gym.Env[np.ndarray, np.ndarray]):
         observation, tail = self._read(_step(self.simulation, self._packed, action))
         signals = dict(zip(self._names, tail[:-2], strict=True))
         return observation, tail[-2], tail[-1] != 0, False, {"signals": signals}
+
+    @property
+    def observation_details(self) -> dict[str, Any]:
+        """What an observation is made of, as JSON; policy bundles hold it."""
+        return observation_details(self.simulation)
+
+    @property
+    def action_details(self) -> dict[str, Any]:
+        """What an action changes, as JSON; policy bundles hold it."""
+        return action_details()
 
     @property
     def episode(self) -> Episode:

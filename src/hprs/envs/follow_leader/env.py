@@ -22,16 +22,20 @@ class FollowLeader(DrivingEnv):
     Args:
         render_mode: `rgb_array` or None; `gymnasium.make` knows `rgb_array_list` and `human` too.
         camera: Of pictures: `fixed`, the whole track, or `follow`, around the car.
-        tracks: Names of built-in tracks, `random:SEED`, map files, map files with a centre line
-            (`map.yaml+line.csv`), or `hprs.carsim.track.Track`s; each episode draws one.
+        tracks: Names of built-in tracks, `random:SEED`, `random:FIRST-LAST`, map files, map files
+            with a centre line (`map.yaml+line.csv`), or `hprs.carsim.track.Track`s; each episode
+            draws one.
         reverse: Drive them the other way round.
         randomisation: Vary both cars, their sensors and actuators; or a name of ranges: `all`,
-            `released`, `released-gm`, `nominal`.
+            `released`, `released-gm`, `nominal`; or quantities with a value or [low, high].
         start: `random`, anywhere on the track, or `grid`, at the start line.
         beams: Of the lidar that is observed; the leader's has 64.
         reach: Of that lidar, m.
         stacked: Scans and speeds in an observation.
         gap_threshold: Distance in m beyond which the leader takes a beam for a gap.
+        dropped_scans: Probability that a scan is lost, and the one before stays.
+        speed_scale: Factor of the measured speed.
+        speed_offset: Added to the measured speed, m/s.
 
     Raises:
         UsageError: There is no such option, or it has no such value.
