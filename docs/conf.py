@@ -26,6 +26,9 @@ highlight_language = "text"
 myst_enable_extensions = ["dollarmath", "deflist"]
 myst_heading_anchors = 4
 
+# Docstrings put code between single backticks.
+default_role = "code"
+
 autodoc_member_order = "groupwise"
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
