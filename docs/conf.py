@@ -12,6 +12,7 @@ project_copyright = "hprs contributors, MIT licence"
 version = release = version_of("hprs")
 
 extensions = [
+    "fences",
     "hprs_lexer",
     "mathml",
     "myst_parser",

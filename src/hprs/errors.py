@@ -1,19 +1,21 @@
-"""The exceptions that hprs raises::
+"""The exceptions that hprs raises.
 
-    HprsError
-    ├── SpecError (ValueError)          a task is wrong; carries file, line, column and a caret
-    │   ├── SpecSyntaxError             the text does not follow the grammar
-    │   └── SpecValidationError         the text is well formed and its meaning is not
-    │       └── SpecTypeError (TypeError)   a Python object of the wrong kind stands in a task
-    ├── SignalError (ValueError)        a signal is missing, misshapen or NaN at run time
-    ├── TraceError (ValueError)         a recorded trace cannot be assessed
-    ├── PolicyError (ValueError)        a policy fails, or does not fit the environment
-    ├── TrackError (ValueError)         a track or a map file cannot be driven or read
-    ├── BundleError (ValueError)        a policy bundle is damaged, or does not fit
-    ├── GridError (ValueError)          a grid of trainings is wrong
-    ├── RunError (RuntimeError)         a run directory cannot be read, written or resumed
-    └── UsageError (ValueError)         an unknown name or option; the message lists what exists
-        └── MissingExtraError           an optional dependency is not installed
+```
+HprsError
+├── SpecError (ValueError)          a task is wrong; carries file, line, column and a caret
+│   ├── SpecSyntaxError             the text does not follow the grammar
+│   └── SpecValidationError         the text is well formed and its meaning is not
+│       └── SpecTypeError (TypeError)   a Python object of the wrong kind stands in a task
+├── SignalError (ValueError)        a signal is missing, misshapen or NaN at run time
+├── TraceError (ValueError)         a recorded trace cannot be assessed
+├── PolicyError (ValueError)        a policy fails, or does not fit the environment
+├── TrackError (ValueError)         a track or a map file cannot be driven or read
+├── BundleError (ValueError)        a policy bundle is damaged, or does not fit
+├── GridError (ValueError)          a grid of trainings is wrong
+├── RunError (RuntimeError)         a run directory cannot be read, written or resumed
+└── UsageError (ValueError)         an unknown name or option; the message lists what exists
+    └── MissingExtraError           an optional dependency is not installed
+```
 """
 
 from __future__ import annotations
