@@ -28,5 +28,6 @@ def to_blocks(
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Convert what autodoc reads."""
+    app.setup_extension("sphinx.ext.autodoc")
     app.connect("autodoc-process-docstring", to_blocks, priority=BEFORE_NAPOLEON)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
