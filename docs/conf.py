@@ -12,6 +12,7 @@ project_copyright = "hprs contributors, MIT licence"
 version = release = version_of("hprs")
 
 extensions = [
+    "fences",
     "hprs_lexer",
     "mathml",
     "myst_parser",
@@ -25,6 +26,9 @@ highlight_language = "text"
 
 myst_enable_extensions = ["dollarmath", "deflist"]
 myst_heading_anchors = 4
+
+# Docstrings put code between single backticks.
+default_role = "code"
 
 autodoc_member_order = "groupwise"
 autodoc_typehints = "signature"

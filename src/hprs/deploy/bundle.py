@@ -48,7 +48,7 @@ class Bundle:
     check_observations: Optional[np.ndarray] = None
     """Observations to check itself with, (K, n) float32, flattened."""
     check_actions: Optional[np.ndarray] = None
-    """The actions that the trainer's own network takes there, (K, *action.shape)."""
+    """The actions that the trainer's own network takes there, `(K, *action.shape)`."""
 
     def __post_init__(self) -> None:
         """Raise BundleError where the parts do not fit together."""

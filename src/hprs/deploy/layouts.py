@@ -63,7 +63,7 @@ class ObservationLayout:
         return _count(self.shape)
 
     def rows(self, observations: Any) -> np.ndarray:
-        """Observations (B, *shape) as the network sees them, (B, n) float32.
+        """Observations `(B, *shape)` as the network sees them, (B, n) float32.
 
         Raises:
             BundleError: They have another shape, or hold NaN; or infinity, where nothing clips it.
@@ -128,7 +128,7 @@ class BoxLayout:
         return bounded, (low + high) / 2, (high - low) / 2
 
     def actions(self, outputs: np.ndarray) -> np.ndarray:
-        """Actions (B, *shape) float32 from outputs (B, m)."""
+        """Actions `(B, *shape)` float32 from outputs (B, m)."""
         if self.mapping != "raw":
             bounded, centre, half = self.scale
             part = np.tanh(outputs) if self.mapping == "tanh" else outputs

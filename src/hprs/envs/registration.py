@@ -23,7 +23,7 @@ class Benchmark:
     package: str
     """The package that holds `env.py` and the task file."""
     entry_point: str
-    """The environment's class, as `module:name`."""
+    """Where the environment's class is, its module and its name with a colon between them."""
     horizon: int
     """Steps after which an episode is truncated."""
     description: str
