@@ -148,7 +148,8 @@ def test_a_drive_is_assessed(hprs, here, log):
     assert found["safe"]
     assert found["target"]
     assert 1.5 <= found["pam"] <= 1.75
-    assert found["outside_ranges"] == {}
+    # At a standstill the noise of the odometry is below 0 as often as above.
+    assert found["outside_ranges"].keys() <= {"speed"}
 
 
 def test_a_drive_is_filmed(hprs, here, log):

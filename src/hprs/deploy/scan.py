@@ -147,10 +147,9 @@ def _known(scan: Scan, beams: Beams, mounting: Mounting) -> Tuple[np.ndarray, np
     ranges = np.asarray(scan.ranges, np.float64)
     reach = min(scan.range_max, beams.reach)
     with np.errstate(invalid="ignore"):
-        nothing = ranges > scan.range_max
-        nothing |= np.isposinf(ranges)
+        nothing = np.logical_or(ranges > scan.range_max, np.isposinf(ranges))
         too_near = np.isneginf(ranges)
-        known = nothing | too_near | (ranges >= scan.range_min)
+        known = np.logical_or.reduce([nothing, too_near, ranges >= scan.range_min])
     places = np.flatnonzero(known)
     distances = np.where(nothing, reach, np.where(too_near, scan.range_min, ranges))[places]
     angles = _car_angles(places.astype(float), scan, mounting)
