@@ -12,7 +12,7 @@ project_copyright = "hprs contributors, MIT licence"
 version = release = version_of("hprs")
 
 extensions = [
-    "fences",
+    "docstrings",
     "hprs_lexer",
     "mathml",
     "myst_parser",
