@@ -26,7 +26,7 @@ class Named(gym.ObservationWrapper):
         return {"position": observation[:1]}
 
 
-CART_POLE = "hprs/CartPole-v0"
+CART_POLE, LANDER = "hprs/CartPole-v0", "hprs/LunarLanderObstacle-v0"
 
 
 @pytest.mark.parametrize("environment", BENCHMARKS)
@@ -76,6 +76,21 @@ def test_the_jax_trainer_evaluates_often_at_first_and_then_seldom():
     assert configure(CART_POLE, steps=20).evaluation_interval == 1
     assert configure(CART_POLE, steps=5000, evaluation_interval=7).evaluation_interval == 7
     assert [found.interval_after(n) for n in (1, OFTEN - 1, OFTEN)] == [50, 50, 50 * SELDOM]
+
+
+@pytest.mark.parametrize(
+    ("steps", "interval"), [(5_000, 50), (1_000_000, 10_000), (2_000_000, 10_000)]
+)
+def test_sac_is_evaluated_every_hundredth_and_every_10_000_steps_at_least(steps, interval):
+    found = configure(LANDER, algorithm="sac", steps=steps)
+    assert [found.interval_after(n) for n in (1, OFTEN, 10 * OFTEN)] == [interval] * 3
+
+
+def test_sac_in_jax_refuses_a_number_of_updates_that_is_none():
+    with pytest.raises(
+        UsageError, match="takes a gradient_steps from 1 on, got -1: name the number"
+    ):
+        configure(LANDER, algorithm="sac", settings={"gradient_steps": -1})
 
 
 def test_the_other_trainer_evaluates_at_one_interval():

@@ -134,8 +134,9 @@ class Train:
             metavar="N",
             help_behavior_hint="",
             help="Steps between two evaluations; default: with the trainer jax a hundredth of the "
-            f"training, with sb3 {Configuration.evaluation_interval:,}. With jax it becomes "
-            f"{SELDOM} times as long after {OFTEN} evaluations.",
+            f"training, with its sac at most {Configuration.evaluation_interval:,}, with sb3 "
+            f"{Configuration.evaluation_interval:,}. With jax's ppo it becomes {SELDOM} times as "
+            f"long after {OFTEN} evaluations.",
         ),
     ] = None
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("runs")

@@ -16,7 +16,7 @@ from hprs.spec.parser import parse_task
 from hprs.spec.task import Task
 
 OFTEN, SELDOM = 50, 10
-"""After so many evaluations the JAX trainer's interval becomes so many times as long."""
+"""After so many evaluations the interval of PPO in JAX becomes so many times as long."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,8 @@ class Configuration:
             evaluations: How many there were, this one included.
         """
         # Most is learned early, and an evaluation costs as much as many steps of a fast trainer.
-        seldom = self.trainer == "jax" and evaluations >= OFTEN
+        fast = (self.trainer, self.algorithm) == ("jax", "ppo")
+        seldom = fast and evaluations >= OFTEN
         return self.evaluation_interval * (SELDOM if seldom else 1)
 
     @property

@@ -66,7 +66,7 @@ def configure(
     known = known_parameters(chosen)
     steps = default_steps(environment, chosen) if steps is None else steps
     if evaluation_interval is None:
-        evaluation_interval = default_interval(chosen.trainer, steps)
+        evaluation_interval = default_interval(chosen.trainer, chosen.name, steps)
     _check_counts(
         {
             "steps": steps,
@@ -131,11 +131,13 @@ def configure(
     )
 
 
-def default_interval(trainer: str, steps: int) -> int:
+def default_interval(trainer: str, algorithm: str, steps: int) -> int:
     """Environment steps between two evaluations, where the user does not say how many."""
-    if trainer == "jax":
-        return max(1, steps // _EVALUATIONS)
-    return Configuration.evaluation_interval
+    often = max(1, steps // _EVALUATIONS)
+    if trainer != "jax":
+        return Configuration.evaluation_interval
+    # A step of SAC costs as much as many of PPO, and an evaluation as little beside it.
+    return often if algorithm == "ppo" else min(often, Configuration.evaluation_interval)
 
 
 def _check_counts(counts: Mapping[str, int | None]) -> None:

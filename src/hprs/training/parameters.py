@@ -122,6 +122,12 @@ def _check_jax(algorithm: Algorithm, parameters: Mapping[str, Any], action_space
     check_together(algorithm.name, parameters)
     if "n_steps" in parameters:
         check_minibatches(algorithm.name, parameters)
+    if parameters.get("gradient_steps", 1) < 1:
+        # Stable-Baselines3 takes -1 for as many as there were steps.
+        raise UsageError(
+            f"{algorithm.name} of the trainer jax takes a gradient_steps from 1 on, got "
+            f"{parameters['gradient_steps']}: name the number, or use --trainer sb3."
+        )
 
 
 def _check_sb3(algorithm: Algorithm, parameters: Mapping[str, Any], action_space: str) -> None:
