@@ -6,7 +6,8 @@ Examples:
   python examples/storyboard.py hprs/CartPole-v0 --policy random --out picture.png
   python examples/storyboard.py runs/hprs-CartPole-v0/hprs-ppo-1a2b3c4d/seed-0 --out picture.png
   python examples/storyboard.py hprs/BipedalWalker-v0 --policy zero --env goal=40 --out picture.png
-  python examples/storyboard.py hprs/SafeDriving-v0 --policy results/policies/safe-driving/policy.bundle --out picture.png
+  python examples/storyboard.py hprs/SafeDriving-v0 --out picture.png \\
+    --policy results/policies/safe-driving/policy.bundle
   python examples/storyboard.py hprs/FollowLeader-v0 --policy pursuit --out film.gif
 
 The pages in docs/environments say which command made theirs.
@@ -62,7 +63,7 @@ class Storyboard:
     out: Annotated[Path, tyro.conf.arg(metavar="FILE")]
     """Where the picture goes."""
     policy: Annotated[str | None, tyro.conf.arg(metavar="POLICY", help_behavior_hint="")] = None
-    """zero, random, a bundle, a .zip of Stable-Baselines3, module:function, or, of a car, pursuit."""
+    """zero, random, a bundle, an SB3 .zip, module:function, or, of a car, pursuit."""
     which: Which = "last"
     """The policy of a run."""
     options: Annotated[

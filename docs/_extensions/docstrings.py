@@ -1,6 +1,7 @@
 """What the project's docstrings do and Sphinx does not expect.
 
-They fence text as Markdown does, and a field's sentence may hold a colon, before which Napoleon would look for a type.
+They fence text as Markdown does, and a field's sentence may hold a colon, before which Napoleon
+would look for a type.
 """
 
 from __future__ import annotations
