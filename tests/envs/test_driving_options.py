@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from hprs.carsim.designs import load_track
+from hprs.carsim.randomisation import QUANTITIES, ranges
 from hprs.carsim.track import Track, stack_tracks
 from hprs.envs import functional
-from hprs.envs.driving.options import Options, simulate
+from hprs.envs.driving.options import Options, simulate, track_names
 from hprs.envs.follow_leader.env import FollowLeader
 from hprs.envs.safe_driving.env import DEFAULTS, SafeDriving
 from hprs.errors import UsageError
@@ -131,3 +132,52 @@ def test_what_is_no_track_is_one_clear_error(options, message):
         simulate(DEFAULTS, **options)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_random_tracks_are_named_together_and_backwards():
+    names = ["gm", "random:3-4 backwards", "trt backwards"]
+    assert track_names(names) == [
+        "gm", "random:3 backwards", "random:4 backwards", "trt backwards",
+    ]  # fmt: skip
+    found = simulate(DEFAULTS, tracks="gm backwards").tracks
+    assert same(found, stack_tracks([load_track("gm", reverse=True)]))
+    again = simulate(DEFAULTS, tracks="gm backwards", reverse=True).tracks
+    assert same(again, stack_tracks([load_track("gm")]))
+
+
+def test_a_quantity_is_given_a_value_or_a_range():
+    given = {"delay": 7, "mass": [2.0, 3]}
+    found = simulate(DEFAULTS, tracks="gm", randomisation=given).settings.ranges
+    usual = ranges()
+    names = [quantity.name for quantity in QUANTITIES]
+    for number, name in enumerate(names):
+        low, high = {"delay": (7, 7), "mass": (2, 3)}.get(
+            name, (usual.low[number], usual.high[number])
+        )
+        assert (found.low[number], found.high[number]) == (low, high)
+
+
+def test_without_faults_no_program_has_anything_for_them():
+    assert simulate(DEFAULTS, tracks="gm", speed_scale=1, dropped_scans=0).settings.faults is None
+    faults = simulate(DEFAULTS, tracks="gm", dropped_scans=0.25).settings.faults
+    assert (float(faults.dropped_scans), float(faults.speed_scale)) == (0.25, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"tracks": "random:9-3"}, "'random:9-3' needs its first and its last seed"),
+        ({"tracks": "random:0-100"}, "'random:0-100' is more than 100 tracks"),
+        ({"dropped_scans": 1.5}, "dropped_scans is a number from 0 to 1, got 1.5"),
+        ({"speed_offset": "x"}, "speed_offset needs a number, got 'x'"),
+        ({"randomisation": {"mas": 3}}, "no randomised quantity 'mas'. Did you mean 'mass'?"),
+        ({"randomisation": {"mass": [4, 3]}}, "mass got [4, 3]: a range is two numbers"),
+        ({"randomisation": {"mass": [1, 2, 3]}}, "needs a number or [low, high] of mass"),
+        ({"randomisation": {"lidar_noise": -1}}, "lidar_noise got [-1, -1], but is at least 0"),
+        ({"randomisation": {"delay": 31}}, "at most 30 simulation steps are remembered"),
+    ],
+)
+def test_an_impossible_perturbation_is_one_clear_error(options, message):
+    with pytest.raises(UsageError) as caught:
+        simulate(DEFAULTS, **{"tracks": "gm", **options})
+    assert message in str(caught.value)

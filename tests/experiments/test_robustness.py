@@ -36,6 +36,7 @@ def tried():
         {"policy": ConstantPolicy(np.array([1.0, 0.0], np.float32))},
         seen=["gm"],
         sweeps=SWEEPS,
+        ground=None,
         tracks=(),
         seeds=SEEDS,
         watcher=lambda name: lambda complete: None,

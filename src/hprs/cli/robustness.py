@@ -24,7 +24,8 @@ class Robustness:
     Each randomised parameter is swept from below its range to beyond it while all others are drawn
     as in the training; commands are obeyed up to 200 ms late; scans are dropped; the measured speed
     is biased; and the car drives the built-in tracks both ways and 20 generated ones. Every point
-    has the same seeded episodes. Prints a table, and writes it as CSV with a picture.
+    has the same seeded episodes; of two policies both are swept on the tracks of the first one's
+    training. Prints a table, and writes it as CSV with a picture.
 
     Examples:
       hprs robustness runs/hprs-SafeDriving-v0/hprs-ppo-1a2b3c4d/seed-0
@@ -84,6 +85,8 @@ class Robustness:
             folder.mkdir(parents=True, exist_ok=True)
         rows = self._rows(subjects, sweeps)
         print_rows(rows)
+        tracks = ", ".join(subjects[0].seen)
+        print(f"Driven on {tracks}, where no other track is named.")
         files = {"csv": as_csv(rows).encode(), **draw(rows)}
         with writing(folder):
             for ending, data in files.items():
@@ -111,6 +114,7 @@ class Robustness:
         from hprs.experiments.perturbations import TRACK, tracks_of_test
         from hprs.experiments.robustness import try_policies
         from hprs.training.evaluation import FINAL_SEEDS, episode_seeds
+        from hprs.training.simulations import simulation_of
 
         screen = console(stderr=True)
         tracks: Sequence[NamedTrack] = ()
@@ -122,6 +126,8 @@ class Robustness:
         points = 1 + sum(map(len, numbers.values())) + len(tracks)
         count = sum(len(subject.policies) for subject in subjects)
         rows: list[Row] = []
+        # What differs between two policies must not be the tracks.
+        ground = simulation_of(subjects[0].make()).tracks
         with EvaluationProgress(
             screen, policies=count, episodes=points * self.episodes
         ) as progress:
@@ -132,6 +138,7 @@ class Robustness:
                     subject.policies,
                     seen=subject.seen,
                     sweeps=numbers,
+                    ground=ground,
                     tracks=tracks,
                     seeds=seeds,
                     watcher=progress.watcher,

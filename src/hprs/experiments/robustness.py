@@ -11,7 +11,7 @@ import jax
 import numpy as np
 from jax import Array
 
-from hprs.carsim.track import stack_tracks
+from hprs.carsim.track import Track, stack_tracks
 from hprs.envs.driving.simulation import Simulation
 from hprs.envs.simulated import draw_key
 from hprs.experiments.perturbations import (
@@ -55,6 +55,7 @@ def try_policies(
     *,
     seen: Sequence[str],
     sweeps: Mapping[str, Sequence[float]],
+    ground: Track | None,
     tracks: Sequence[NamedTrack],
     seeds: Sequence[int],
     watcher: Callable[[str], Callable[[int], None]],
@@ -67,6 +68,7 @@ def try_policies(
         policies: By the names of their seeds.
         seen: Names of the tracks of the training.
         sweeps: Name of a perturbation to its values.
+        ground: A stack of the tracks on which these are driven; None: those of the training.
         tracks: Tracks to drive on, besides.
         seeds: Of the episodes at every point.
         watcher: Gives what is told how many episodes of a policy are complete.
@@ -79,7 +81,8 @@ def try_policies(
     simulation = simulation_of(wrapped)
     environment = device_environment(wrapped.task, wrapped.reward, wrapped)
     wrapped.close()
-    groups = [(simulation, points(simulation.settings, sweeps))]
+    swept = simulation if ground is None else replace(simulation, tracks=ground)
+    groups = [(swept, points(simulation.settings, sweeps))]
     if tracks:
         stack = stack_tracks([each.track for each in tracks])
         on_tracks = track_points(simulation.settings, tracks, seen)
