@@ -1,4 +1,4 @@
-"""Draws an episode as a row of pictures, with the state of every requirement below each.
+r"""Draws an episode as a row of pictures, with the state of every requirement below each.
 
 A file that ends in .gif becomes a film of all steps instead, in its true time.
 
@@ -6,7 +6,7 @@ Examples:
   python examples/storyboard.py hprs/CartPole-v0 --policy random --out picture.png
   python examples/storyboard.py runs/hprs-CartPole-v0/hprs-ppo-1a2b3c4d/seed-0 --out picture.png
   python examples/storyboard.py hprs/BipedalWalker-v0 --policy zero --env goal=40 --out picture.png
-  python examples/storyboard.py hprs/SafeDriving-v0 --out picture.png \\
+  python examples/storyboard.py hprs/SafeDriving-v0 --out picture.png \
     --policy results/policies/safe-driving/policy.bundle
   python examples/storyboard.py hprs/FollowLeader-v0 --policy pursuit --out film.gif
 
