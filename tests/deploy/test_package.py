@@ -48,7 +48,9 @@ def test_python_3_8_reads_it(file):
         for alias in node.names
     }
     newer = [node for node in evaluated(tree) if is_newer(node)]
-    assert not [ast.unparse(n) for n in newer if getattr(getattr(n, "value", 0), "id", "") not in old]
+    assert not [
+        ast.unparse(n) for n in newer if getattr(getattr(n, "value", 0), "id", "") not in old
+    ]
 
 
 @pytest.mark.parametrize(
