@@ -19,7 +19,7 @@ sys.path.append("/usr/lib/python3/dist-packages")
 RAW_SCAN = "/simulated/scan"
 BUTTON = 4
 STEP = 0.02
-LONGEST = 60.0
+LONGEST = 40.0
 
 
 def relay():

@@ -32,6 +32,8 @@ class Drive:
     """Over ROS 1: /scan and /odom in, /drive out, /joy for the dead-man switch."""
     max_speed: Annotated[float | None, tyro.conf.arg(metavar="M/S", help_behavior_hint="")] = None
     """Never ask the car for more; default: as in training."""
+    scan_age: Annotated[float | None, tyro.conf.arg(metavar="S", help_behavior_hint="")] = None
+    """Stop where the newest scan is older; default: 0.2, and a lidar of 5 Hz needs more."""
     log: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
     """A CSV file of the drive, which `hprs assess` reads."""
     dead_man_button: Annotated[int, tyro.conf.arg(metavar="N")] = 4
@@ -54,6 +56,7 @@ class Drive:
         arguments = [str(self.bundle), "--ros1", "--dead-man-button", str(self.dead_man_button)]
         for option, value in (
             ("--max-speed", self.max_speed),
+            ("--scan-age", self.scan_age),
             ("--log", self.log),
             ("--lidar-ahead", self.lidar_ahead),
             ("--lidar-left", self.lidar_left),

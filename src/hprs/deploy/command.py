@@ -60,6 +60,13 @@ def _parser() -> argparse.ArgumentParser:
     add("bundle", metavar="BUNDLE", help="a policy bundle")
     add("--ros1", action="store_true", help="drive: /scan, /odom and /joy in, /drive out")
     add("--max-speed", type=float, metavar="M/S", help="never ask the car for more")
+    add(
+        "--scan-age",
+        type=float,
+        default=Limits.scan_age,
+        metavar="S",
+        help="stop where the newest scan is older (default: %(default)s)",
+    )
     add("--log", metavar="FILE", help="a CSV file of the drive")
     add(
         "--dead-man-button",
@@ -79,12 +86,15 @@ def _drive(bundle: Bundle, given: Any) -> int:
     """Drive a car until interrupted."""
     if given.max_speed is not None and not given.max_speed > 0:
         raise UsageError("--max-speed must be above 0, not {:g}.".format(given.max_speed))
+    if not given.scan_age > 0:
+        raise UsageError("--scan-age must be above 0, not {:g}.".format(given.scan_age))
+    fastest = Limits.speed if given.max_speed is None else given.max_speed
     driving, monitor = Driving.of(bundle), Monitor(bundle.task)
     ahead = driving.beams.ahead if given.lidar_ahead is None else given.lidar_ahead
     loop = ControlLoop(
         bundle,
         mounting=Mounting(ahead, given.lidar_left, given.lidar_yaw, given.upside_down),
-        limits=Limits() if given.max_speed is None else Limits(speed=given.max_speed),
+        limits=Limits(speed=fastest, scan_age=given.scan_age),
         dead_man=given.dead_man_button >= 0,
         record=None if given.log is None else Record(given.log, monitor.signals, monitor.labels),
     )
