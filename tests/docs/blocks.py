@@ -23,7 +23,9 @@ EXECUTED = ("python", "sh", "hprs", "toml")
 SHOWN = ("text", "diff", "yaml", "{toctree}", "{eval-rst}")
 """Output, excerpts, formats that are not ours, and directives of the site."""
 
-FENCE = re.compile(r"^(?P<ticks>`{3,})(?P<language>\S*)\n(?P<text>.*?)^(?P=ticks)[ ]*$", re.M | re.S)
+FENCE = re.compile(
+    r"^(?P<ticks>`{3,})(?P<language>\S*)\n(?P<text>.*?)^(?P=ticks)[ ]*$", re.M | re.S
+)
 RULE = re.compile(r"<!-- (not run|except|run with|file): (.*?) -->\n\Z")
 
 
@@ -90,4 +92,6 @@ if __name__ == "__main__":
     found = all_blocks()
     left_out = not_run(found)
     print("\n".join(left_out))
-    print(f"{sum(block.executed for block in found)} blocks are executed, {len(left_out)} not or in part.")
+    print(
+        f"{sum(block.executed for block in found)} blocks are executed, {len(left_out)} not or in part."
+    )

@@ -67,6 +67,8 @@ def furnish(folder: Path) -> None:
         (folder / name).write_text(task, "utf-8")
     for name in ("pendulum.hprs", "drone.hprs"):
         (folder / name).write_text((ROOT / "examples" / name).read_text("utf-8"), "utf-8")
-    (folder / "log.csv").write_text("time,x,v,theta\n0,0,0,0\n0.02,0.5,0.6,0.06\n0.04,1,0.2,0\n", "utf-8")
+    (folder / "log.csv").write_text(
+        "time,x,v,theta\n0,0,0,0\n0.02,0.5,0.6,0.06\n0.04,1,0.2,0\n", "utf-8"
+    )
     bundle = ROOT / "results/policies/safe-driving/policy.bundle"
     (folder / "policy.bundle").write_bytes(bundle.read_bytes())

