@@ -67,12 +67,7 @@ def keep(best: Candidate) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     bundle = load_bundle(best.bundle)
     configuration = Configuration.from_json({**best.configuration, "seed": int(best.row["seed"])})
-    home = {
-        "environment": configuration.environment,
-        "environment_options": dict(configuration.environment_options),
-        "horizon": configuration.horizon,
-    }
-    bundle = replace(bundle, provenance={**home, **bundle.provenance})
+    bundle = replace(bundle, provenance={**configuration.home, **bundle.provenance})
     bundle.self_check()
     save_bundle(bundle, folder / POLICY)
     content = {

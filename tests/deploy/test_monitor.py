@@ -69,6 +69,32 @@ def test_random_tasks_are_judged_as_hprs_semantics_judges_them(seed):
                 assert verdict.satisfied == holds[verdict.label]
 
 
+NAN = float("nan")
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "both", "either"),
+    [
+        (0.0, 0.0, True, True),
+        (2.0, NAN, False, None),
+        (NAN, 2.0, False, None),
+        (0.0, NAN, None, True),
+        (NAN, 0.0, None, True),
+        (NAN, NAN, None, None),
+    ],
+)
+def test_what_is_known_decides_although_the_rest_is_not(x, y, both, either):
+    task = parse_task("""
+        signal x in [0, 3]
+        signal y in [0, 3]
+        ensure both: x <= 1 and y <= 1
+        ensure either: x <= 1 or y <= 1
+    """)
+    found = Monitor(task_to_json(task))({"x": x, "y": y})
+    assert [one.satisfied for one in found] == [both, either]
+    assert violated_safety(found) == ["both"] * (both is False)
+
+
 @pytest.mark.parametrize(
     "task",
     [

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import tyro
 
+from hprs.deploy.command import DEAD_MAN_BUTTON
 from hprs.errors import UsageError
 
 
@@ -36,7 +37,7 @@ class Drive:
     """Stop where the newest scan is older; default: 0.2, and a lidar of 5 Hz needs more."""
     log: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
     """A CSV file of the drive, which `hprs assess` reads."""
-    dead_man_button: Annotated[int, tyro.conf.arg(metavar="N")] = 4
+    dead_man_button: Annotated[int, tyro.conf.arg(metavar="N")] = DEAD_MAN_BUTTON
     """Number of the button in /joy that must be held; -1: none, where nobody can be hurt."""
     lidar_ahead: Annotated[float | None, tyro.conf.arg(metavar="M", help_behavior_hint="")] = None
     """How far the lidar sits before the rear axle; default: as in training."""

@@ -18,6 +18,7 @@ from rich.text import Text
 from hprs.cli.console import plural, print_table
 from hprs.cli.population_progress import labels
 from hprs.cli.progress import Pace, clock, describe, pace
+from hprs.experiments.groups import reward_with_end
 from hprs.experiments.plan import Estimate, Planned
 from hprs.semantics.assessment import Summary
 from hprs.training.configuration import Configuration
@@ -44,7 +45,7 @@ def print_plan(console: Console, planned: Sequence[Planned], cost: Estimate, sid
     groups: dict[tuple[str, str, str], list[Planned]] = {}
     for entry in planned:
         found = entry.configuration
-        key = found.environment, _reward(found), f"{found.trainer} {found.algorithm}"
+        key = found.environment, reward_with_end(found), f"{found.trainer} {found.algorithm}"
         groups.setdefault(key, []).append(entry)
     rows = [
         [
@@ -231,13 +232,6 @@ class Row:
         speed = [f"{self._rate:,.0f}", clock((self.total - self.step) / self._rate)] if busy else []
         share = f"{self.step:,} of {self.total:,}"
         return [self.label, self.state, share, *measures, *(speed or ["", ""])]
-
-
-def _reward(configuration: Configuration) -> str:
-    from hprs.rewards.registry import REWARDS
-
-    shaped = REWARDS[configuration.reward].shaped
-    return f"{configuration.reward} {configuration.end}" if shaped else configuration.reward
 
 
 def _duration(seconds: float) -> str:

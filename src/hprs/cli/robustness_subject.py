@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from hprs.cli.assessed_run import (
+    bundle_file,
     check_which,
     environment_of,
     environment_of_bundle,
@@ -61,8 +62,8 @@ def subject_of(name: str, *, on: str | None, which: str, options: Sequence[str])
         "horizon": None,
     }
     given = parse_settings(options, "--env")
-    if name.endswith(BUNDLE_SUFFIX) and Path(name).is_file():
-        return _bundle(name, on, given, more)
+    if (bundle := bundle_file(name)) is not None:
+        return _bundle(name, bundle, on, given, more)
     runs = find_runs(Path(name))
     configuration = runs[0].configuration
     _check_drives(name, configuration.environment)
@@ -76,8 +77,10 @@ def subject_of(name: str, *, on: str | None, which: str, options: Sequence[str])
     )
 
 
-def _bundle(name: str, on: str | None, given: dict[str, Any], more: dict[str, Any]) -> Subject:
-    provenance = load_bundle(name).provenance
+def _bundle(
+    name: str, file: str, on: str | None, given: dict[str, Any], more: dict[str, Any]
+) -> Subject:
+    provenance = load_bundle(file).provenance
     told = provenance.get("environment")
     environment = told or on
     if environment is None:
@@ -88,13 +91,13 @@ def _bundle(name: str, on: str | None, given: dict[str, Any], more: dict[str, An
     _check_drives(name, environment)
     trained = provenance.get("environment_options", {}) if told else {}
     make = (
-        environment_of_bundle(name, **more)[2] if told else named_environment(environment, **more)
+        environment_of_bundle(file, **more)[2] if told else named_environment(environment, **more)
     )
     return Subject(
         name=Path(name).name.removesuffix(BUNDLE_SUFFIX),
         environment=environment,
         make=make,
-        policies={"policy": policy_by_name(name, make)},
+        policies={"policy": policy_by_name(file, make)},
         seen=_seen(environment, {**trained, **given}),
     )
 

@@ -16,6 +16,9 @@ from hprs.deploy.ros1 import drive_ros1
 from hprs.deploy.scan import Mounting
 from hprs.errors import HprsError, UsageError
 
+DEAD_MAN_BUTTON = 4
+"""Of a joystick, where the user names no other."""
+
 
 def main(arguments: Optional[Sequence[str]] = None) -> int:
     """Check a policy bundle and say what it is; with --ros1, drive a car with it.
@@ -71,7 +74,7 @@ def _parser() -> argparse.ArgumentParser:
     add(
         "--dead-man-button",
         type=int,
-        default=4,
+        default=DEAD_MAN_BUTTON,
         metavar="N",
         help="of /joy, that must be held; -1: none (default: %(default)s)",
     )

@@ -12,6 +12,8 @@ from hprs.deploy.bundle import Bundle
 from hprs.deploy.scan import Beams
 from hprs.errors import BundleError
 
+KIND = "driving"
+"""What a bundle's details call observations and actions of a car."""
 STANDING = (0.0, -1.0)
 """The command before the first one: straight wheels, no speed."""
 _OUT_OF_RANGE = 1e-5
@@ -75,7 +77,7 @@ class Driving:
         """
         seen, acts = bundle.observation.details, bundle.action.details
         for what, details in (("observations", seen), ("actions", acts)):
-            if details.get("kind") != "driving":
+            if details.get("kind") != KIND:
                 raise BundleError(
                     "this bundle does not say what its {} are on a car. If it was trained to "
                     "drive, complete it: "

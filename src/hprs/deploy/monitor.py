@@ -117,9 +117,9 @@ def violated_safety(verdicts: Sequence[Verdict]) -> List[str]:
     return [one.label for one in verdicts if one.kind == SAFETY and one.satisfied is False]
 
 
-def _verdict(label: str, kind: str, found: Tuple[float, bool]) -> Verdict:
-    margin, holds = float(found[0]), bool(found[1])
-    return Verdict(label, kind, margin, None if math.isnan(margin) else holds)
+def _verdict(label: str, kind: str, found: Tuple[Any, Optional[bool]]) -> Verdict:
+    margin, holds = found
+    return Verdict(label, kind, float(margin), holds)
 
 
 def _compiled(node: Any) -> Callable[[Values], Any]:
@@ -153,16 +153,19 @@ def _reduction(name: str, parts: Sequence[Callable[[Values], Any]]) -> Callable[
     return apply
 
 
-def _predicate(node: Any) -> Callable[[Values], Tuple[Any, bool]]:
-    """A function of a predicate's margin, and whether it holds."""
+def _predicate(node: Any) -> Callable[[Values], Tuple[Any, Optional[bool]]]:
+    """A function of a predicate's margin, and whether it holds; None where that is unknown."""
     name, rest = node[0], node[1:]
     if name in ("and", "or"):
         parts = [_predicate(part) for part in rest]
-        extremum, every = (np.minimum, all) if name == "and" else (np.maximum, any)
+        extremum = np.minimum if name == "and" else np.maximum
+        # One part that fails decides "and", one that holds decides "or", whatever is unknown.
+        decisive = name == "or"
 
-        def connective(values: Values) -> Tuple[Any, bool]:
+        def connective(values: Values) -> Tuple[Any, Optional[bool]]:
             margins, holds = zip(*[part(values) for part in parts])
-            return reduce(extremum, margins), every(holds)
+            unknown = None if None in holds else not decisive
+            return reduce(extremum, margins), decisive if decisive in holds else unknown
 
         return connective
     if name not in ("<=", "<", ">=", ">"):
@@ -171,8 +174,9 @@ def _predicate(node: Any) -> Callable[[Values], Tuple[Any, bool]]:
     low, high = (left, right) if name in ("<=", "<") else (right, left)
     strict = name in ("<", ">")
 
-    def comparison(values: Values) -> Tuple[Any, bool]:
+    def comparison(values: Values) -> Tuple[Any, Optional[bool]]:
         margin = high(values) - low(values)
-        return margin, bool(margin > 0 if strict else margin >= 0)
+        holds = margin > 0 if strict else margin >= 0
+        return margin, None if math.isnan(margin) else bool(holds)
 
     return comparison

@@ -52,6 +52,14 @@ class View:
     measure: str
     curve: Callable[[Numbers], Curve]
     """Of values (k, seeds)."""
+    top: float = 1.0
+    """Of the axis."""
+    mark: float | None = None
+    """Where a line is drawn across."""
+
+    def to_page(self) -> dict[str, Any]:
+        """What a page must know of it."""
+        return {"title": self.title, "top": self.top, "mark": self.mark}
 
 
 def _deviation(values: Numbers) -> Curve:
@@ -69,7 +77,9 @@ def _interquartile(values: Numbers) -> Curve:
 
 VIEWS: Mapping[str, View] = MappingProxyType(
     {
-        "pam": View("PAM, mean and standard deviation of seeds", "PAM", _deviation),
+        "pam": View(
+            "PAM, mean and standard deviation of seeds", "PAM", _deviation, 1.8, ACCOMPLISHED
+        ),
         "mean": View("S+T, mean and range of seeds", "S+T", _range),
         "iqm": View("S+T, interquartile mean and 95 % interval", "S+T", _interquartile),
     }
@@ -143,11 +153,9 @@ def _panel(axes: Any, benchmark: Benchmark, name: str, view: View, over: str) ->
             markevery=(0.05 + 0.02 * (index % 5), 0.19),
             label=_legend(group),
         )  # fmt: skip
-    if name == "pam":
-        axes.axhline(ACCOMPLISHED, color="0.4", linewidth=0.8, linestyle=(0, (4, 3)))
-        axes.set_ylim(0, 1.8)
-    else:
-        axes.set_ylim(-0.03, 1.03)
+    if view.mark is not None:
+        axes.axhline(view.mark, color="0.4", linewidth=0.8, linestyle=(0, (4, 3)))
+    axes.set_ylim(-0.03 * view.top, 1.03 * view.top)
     axes.set_title(view.title, fontsize=8)
     axes.set_xlabel("environment steps" if over == "steps" else "seconds of training", fontsize=8)
     axes.ticklabel_format(axis="x", style="sci", scilimits=(0, 5))

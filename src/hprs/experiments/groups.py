@@ -108,7 +108,7 @@ def labelled(configurations: Sequence[Configuration]) -> list[str]:
     words = [_words(configuration) for configuration in configurations]
     varying = {name for name in words[0] if len({found[name] for found in words}) > 1}
     labels = [
-        " ".join([_reward(c), *(found[name] for name in found if name in varying)]).strip()
+        " ".join([reward_with_end(c), *(found[name] for name in found if name in varying)]).strip()
         for c, found in zip(configurations, words, strict=True)
     ]
     settings = [_differing(c, label, configurations, labels) for c, label in
@@ -120,9 +120,15 @@ def labelled(configurations: Sequence[Configuration]) -> list[str]:
     ]
 
 
-def _reward(configuration: Configuration) -> str:
-    shaped = configuration.reward in REWARDS and REWARDS[configuration.reward].shaped
-    return f"{configuration.reward} {configuration.end}" if shaped else configuration.reward
+def is_shaped(configuration: Configuration) -> bool:
+    """Whether the end of an episode makes a difference to the reward."""
+    return configuration.reward in REWARDS and REWARDS[configuration.reward].shaped
+
+
+def reward_with_end(configuration: Configuration) -> str:
+    """The reward, with the end of an episode where that makes a difference."""
+    reward = configuration.reward
+    return f"{reward} {configuration.end}" if is_shaped(configuration) else reward
 
 
 def _words(configuration: Configuration) -> dict[str, str]:

@@ -21,10 +21,9 @@ from hprs.experiments.statistics import FAILED
 from hprs.experiments.tables import Table
 from hprs.training import files
 from hprs.training.page_data import filled
+from hprs.training.provenance import PACKAGES
 
 PAGE = "report.html"
-_COMPARED = ("hprs", "jax", "stable-baselines3", "gymnasium", "numpy")
-"""Packages of which a study should have one version."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +89,7 @@ def warnings_of(recorded: Sequence[Recorded]) -> Iterator[str]:
             f"{unfinished[0].run.path}; their newest evaluation counts, and curves end with the "
             "shortest run."
         )
-    for package in _COMPARED:
+    for package in PACKAGES:
         found = Counter(run.versions[package] for run in recorded if package in run.versions)
         if len(found) > 1:
             shown = ", ".join(f"{count} with {version}" for version, count in found.most_common())
@@ -148,7 +147,7 @@ def write_report(
         "summary": f"{runs} runs on {len(sections)} benchmark{'s' * (len(sections) > 1)}.",
         "warnings": list(warnings),
         "failed": FAILED,
-        "views": {name: view.title for name, view in curves.VIEWS.items()},
+        "views": {name: view.to_page() for name, view in curves.VIEWS.items()},
         "benchmarks": content,
         "footer": "Beside this page are its tables as CSV and LaTeX, its curves as PNG and SVG.",
     }

@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 
 from hprs.experiments import published
-from hprs.experiments.groups import Benchmark, Group
+from hprs.experiments.groups import Benchmark, Group, is_shaped
 from hprs.experiments.offline import Means
 from hprs.experiments.recorded import PADDED
 from hprs.experiments.statistics import (
@@ -198,7 +198,7 @@ def cost_table(benchmark: Benchmark) -> Table:
         "cost",
         "What it costs",
         (
-            "reward", "steps to 0.9", "seconds to 0.9", "never", "steps", "seconds",
+            "reward", f"steps to {ENOUGH:g}", f"seconds to {ENOUGH:g}", "never", "steps", "seconds",
             "steps a second",
         ),
         tuple(rows),
@@ -248,7 +248,7 @@ def _difference(group: Group, row: published.Offline | None) -> str:
     configuration, found = group.configuration, []
     if configuration.algorithm != "sac":
         found.append(f"{configuration.algorithm.upper()}, not SAC")
-    if " " in group.label and configuration.end != "released":
+    if is_shaped(configuration) and configuration.end != "released":
         found.append(f"end {configuration.end}, not the released code's")
     if len(group.runs) != _PUBLISHED_SEEDS:
         found.append(f"{len(group.runs)} seeds, not {_PUBLISHED_SEEDS}")

@@ -58,6 +58,15 @@ class Configuration:
         return parse_task(self.task_text, path=f"task of {self.environment}")
 
     @property
+    def home(self) -> dict[str, Any]:
+        """Where a policy of it was trained, as JSON, so that its bundle alone can be assessed."""
+        return {
+            "environment": self.environment,
+            "environment_options": dict(self.environment_options),
+            "horizon": self.horizon,
+        }
+
+    @property
     def discount(self) -> float | None:
         """The learner's discount, which invariant shaping must share."""
         return self.parameters.get("gamma")

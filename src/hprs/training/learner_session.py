@@ -75,20 +75,11 @@ class LearnerSession(ABC):
             activation=policy.activation,
             task=task_to_json(self._configuration.task),
             rate=self._rate,
-            provenance={**self._home(), **provenance},
+            provenance={**self._configuration.home, **provenance},
             check_observations=policy.likely,
             check_actions=policy.answers,
         )
         return described(plain, self._details)
-
-    def _home(self) -> dict[str, object]:
-        """Where the policy was trained, so that a bundle alone can be assessed."""
-        configuration = self._configuration
-        return {
-            "environment": configuration.environment,
-            "environment_options": dict(configuration.environment_options),
-            "horizon": configuration.horizon,
-        }
 
 
 def finite(tree: Any) -> Array:

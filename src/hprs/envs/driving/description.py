@@ -16,15 +16,13 @@ from hprs.carsim.actuators import (
 from hprs.carsim.lidar import beam_angles
 from hprs.carsim.track import SIGHT
 from hprs.carsim.vehicle import VehicleParameters
+from hprs.deploy.driving import KIND
 from hprs.envs.driving.simulation import (
     REMEMBERED_COMMANDS,
     SPEED_CHANGE,
     SPEED_SCALE,
     Simulation,
 )
-
-KIND = "driving"
-"""What a bundle's details call these observations and actions."""
 
 
 def observation_details(simulation: Simulation) -> dict[str, Any]:
