@@ -50,6 +50,8 @@ def test_the_page_draws_sorts_and_fits_a_phone(tmp_path):
         )  # fmt: skip
         browser.open(page.as_uri())
         assert browser.evaluate("document.documentElement.scrollWidth") <= 360
+        # The name of a row can be read: it is no column of single letters.
+        assert browser.evaluate("document.querySelector('tbody td').clientHeight") < 60
         requests = [e for e in browser.events if e["method"] == "Network.requestWillBeSent"]
         addresses = {e["params"]["request"]["url"].partition(":")[0] for e in requests}
         assert addresses <= {"file", "data"}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
@@ -33,6 +33,8 @@ _DIGITS = 4
 _SIZE = (10.5, 3.3)
 """Of a picture, in inches."""
 _DOTS = 160
+_LETTERS, _HANDLE = 165, 10
+"""Letters of a legend beside each other in a picture, and those that a line takes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +129,7 @@ def draw(benchmark: Benchmark, over: str) -> dict[str, bytes]:
             _panel(axes, benchmark, name, view, over)
         lines, labels = panels[0].get_legend_handles_labels()
         figure.legend(
-            lines, labels, loc="outside lower center", ncols=min(4, len(labels)), fontsize=7.5,
+            lines, labels, loc="outside lower center", ncols=_columns(labels), fontsize=7.5,
             frameon=False, handlelength=3.2,
         )  # fmt: skip
         figure.suptitle(benchmark.name, x=0.01, ha="left", fontsize=10, weight="bold")
@@ -164,6 +166,11 @@ def _panel(axes: Any, benchmark: Benchmark, name: str, view: View, over: str) ->
     axes.set_xlim(left=0)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
+
+
+def _columns(labels: Sequence[str]) -> int:
+    """Of the legend, so that it is no wider than the picture."""
+    return max(1, min(len(labels), _LETTERS // (max(map(len, labels)) + _HANDLE)))
 
 
 def _legend(group: Group) -> str:

@@ -149,7 +149,7 @@ def _differing(
     same = [c for c, other in zip(configurations, labels, strict=True) if other == label]
     own: Mapping[str, Any] = {**configuration.parameters, **configuration.reward_options}
     return [
-        f"{name}={value}"
+        f"{name}={value:g}" if isinstance(value, float) else f"{name}={value}"
         for name, value in own.items()
         if len({json.dumps({**c.parameters, **c.reward_options}.get(name)) for c in same}) > 1
     ]

@@ -235,7 +235,7 @@ def comparison_table(
          "paper S+T+C, padded", "not like for like"),
         tuple(rows),
         (
-            f"All rows: {published.unlike(environment)}. Padded: comfort counts as violated from "
+            f"The paper's rows: {published.unlike(environment)}. Padded: comfort counts as violated from "
             "the end of an episode up to the horizon, as in the paper's table. Compare the order "
             "of rewards rather than the numbers.",
         ),
