@@ -235,9 +235,9 @@ def comparison_table(
          "paper S+T+C, padded", "not like for like"),
         tuple(rows),
         (
-            f"The paper's rows: {published.unlike(environment)}. Padded: comfort counts as violated from "
-            "the end of an episode up to the horizon, as in the paper's table. Compare the order "
-            "of rewards rather than the numbers.",
+            f"The paper's rows: {published.unlike(environment)}. Padded: comfort counts as "
+            "violated from the end of an episode up to the horizon, as in the paper's table. "
+            "Compare the order of rewards rather than the numbers.",
         ),
     )  # fmt: skip
 
